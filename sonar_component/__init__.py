@@ -1,0 +1,1 @@
+"""Real-time simulator of imaging sonar."""

@@ -1,0 +1,5 @@
+"""``python -m sonar_component`` is the command ``sonar``."""
+
+from sonar_component.cli.app import main
+
+main()

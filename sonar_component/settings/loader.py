@@ -1,0 +1,177 @@
+"""Strict YAML: positions kept, duplicate keys refused, numbers as in YAML 1.2.
+
+PyYAML reads YAML 1.1, where ``1e-3`` is text, ``010`` is 8, ``12:30`` is 750, ``no`` is false and a repeated key silently wins.
+A configuration must not hold such traps, so this loader resolves the YAML 1.2 core schema. ruamel.yaml was looked at: it
+reads 1.2, but keeps positions only on its round-trip types, which then leak into every model.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from sonar_component.settings.errors import SettingsError, SettingsErrors, suggest
+
+KeyPath = tuple[str | int, ...]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class _Loader(yaml.SafeLoader):
+    """SafeLoader with the scalar rules of YAML 1.2's core schema."""
+
+
+_Loader.yaml_implicit_resolvers = {}
+for _tag, _pattern, _first in (
+    ("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF"),
+    ("int", r"^[-+]?\d+$", "-+0123456789"),
+    ("float", r"^(?:[-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$", "-+.0123456789"),
+    ("null", r"^(?:~|null|Null|NULL|)$", "~nN"),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), list(_first) + ([""] if _tag == "null" else []))  # type: ignore[no-untyped-call]
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(loader.construct_scalar(node)))
+_Loader.add_constructor("tag:yaml.org,2002:float", lambda loader, node: float(loader.construct_scalar(node).replace(".inf", "inf").replace(".nan", "nan").lower()))
+
+
+@dataclass
+class Document:
+    """A loaded file: plain data, and where each of its keys stands.
+
+    Attributes
+    ----------
+    data : dict or list
+        Plain Python values.
+    file : str
+        Name for messages, as the user wrote it.
+    positions : dict
+        Key path -> (line, column), counted from 1.
+    """
+
+    data: Any
+    file: str
+    positions: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
+
+    def position(self, path: KeyPath) -> tuple[int, int]:
+        """Line and column of a key, or of the nearest parent that stands in the file."""
+        while path and path not in self.positions:
+            path = path[:-1]
+        return self.positions.get(path, (1, 1))
+
+    def error(self, path: KeyPath, message: str) -> SettingsError:
+        """A SettingsError at that key."""
+        line, column = self.position(path)
+        return SettingsError(message, self.file, line, column, ".".join(str(part) for part in path))
+
+    def at(self, path: KeyPath) -> Any:
+        """The value at that key path, or None if it is not there."""
+        value = self.data
+        for part in path:
+            try:
+                value = value[part]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
+
+
+def load_yaml(path: str | Path, text: str | None = None) -> Document:
+    """Read one YAML document (or ``text`` in the name of ``path``).
+
+    Raises
+    ------
+    SettingsError
+        If the file cannot be read, is not YAML, or repeats a key.
+    """
+    file = str(path)
+    if text is None:
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise SettingsError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file) from None
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        positions: dict[KeyPath, tuple[int, int]] = {}
+        if node is not None:
+            _walk(node, (), file, positions, 0)
+        data = loader.construct_document(node) if node is not None else None  # type: ignore[no-untyped-call]
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
+        raise SettingsError(f"is not YAML: {error.problem}", file, line, column) from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise SettingsError(f"is not YAML: {str(error).splitlines()[0]}", file) from None
+    finally:
+        loader.dispose()  # type: ignore[no-untyped-call]
+    return Document(data, file, positions)
+
+
+_MAX_DEPTH = 50  # [-], far above any file of ours; bounds what an alias can unfold
+
+
+def _walk(node: yaml.Node, path: KeyPath, file: str, positions: dict[KeyPath, tuple[int, int]], depth: int) -> None:
+    """Note where each key stands; refuse repeated keys and endless nesting."""
+    if depth > _MAX_DEPTH or len(positions) > 100_000:
+        raise SettingsError("is nested too deeply", file, node.start_mark.line + 1, node.start_mark.column + 1)
+    positions.setdefault(path, (node.start_mark.line + 1, node.start_mark.column + 1))
+    if isinstance(node, yaml.SequenceNode):
+        for index, child in enumerate(node.value):
+            _walk(child, (*path, index), file, positions, depth + 1)
+    if isinstance(node, yaml.MappingNode):
+        for key_node, child in node.value:
+            line, column = key_node.start_mark.line + 1, key_node.start_mark.column + 1
+            below = (*path, str(key_node.value))
+            if below in positions:
+                raise SettingsError(f"stands twice, first in line {positions[below][0]}", file, line, column, ".".join(map(str, below)))
+            positions[below] = (line, column)
+            _walk(child, below, file, positions, depth + 1)
+
+
+def validate(model: type[Model], document: Document, at: KeyPath = ()) -> Model:
+    """Build a model from the part of a document at a key path.
+
+    Raises
+    ------
+    SettingsErrors
+        All mistakes at once, each with file, line and key, and the nearest valid name.
+    """
+    data = document.at(at)
+    if not isinstance(data, dict):
+        raise SettingsErrors([document.error(at, f"must be a mapping of keys to values, got {data!r}")])
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise SettingsErrors([_explain(model, document, at, item) for item in error.errors()]) from None
+
+
+def _explain(model: type[BaseModel], document: Document, at: KeyPath, item: Any) -> SettingsError:
+    path: KeyPath = (*at, *item["loc"])
+    if item["type"] == "extra_forbidden":
+        names = _fields_at(model, item["loc"][:-1])
+        hint = suggest(str(path[-1]), names) or (f"; allowed: {', '.join(names)}" if names else "")
+        return document.error(path, f"is not a known key{hint}")
+    message = item["msg"].removeprefix("Value error, ")
+    if item["type"] == "missing":
+        return document.error(path, "is required")
+    if "input" in item and "got" not in message:
+        message += f", got {item['input']!r}"
+    return document.error(path, message[0].lower() + message[1:])
+
+
+def _fields_at(model: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+    """Field names of the (nested) model that a location of pydantic's points into."""
+    current: Any = model
+    for part in location:
+        fields = getattr(current, "model_fields", {})
+        if part in fields:
+            current = next((a for a in _models_in(fields[part].annotation)), None)
+    return list(getattr(current, "model_fields", {}))
+
+
+def _models_in(annotation: Any) -> list[Any]:
+    if hasattr(annotation, "model_fields"):
+        return [annotation]
+    return [model for inner in getattr(annotation, "__args__", ()) for model in _models_in(inner)]
