@@ -1,7 +1,8 @@
 """A sonar image, after Rock's base::samples::Sonar.
 
 Two rules differ from the original simulator, whose frames broke base-types' own definitions: ``bearings`` are beam
-centres and positive to the left, and ``bin_duration`` is kept as a float, since whole microseconds shift echoes by up to 2.7 %.
+centres and positive to the left, and ``bin_duration`` is kept as a float, since whole microseconds shift echoes by
+up to 2.7 %.
 """
 
 from __future__ import annotations
@@ -84,4 +85,4 @@ class Sonar:
         -------
         (bin_count,) float64 [m]
         """
-        return (np.arange(self.bin_count) + 0.5) * self.bin_length
+        return (np.arange(self.bin_count, dtype=np.float64) + 0.5) * self.bin_length

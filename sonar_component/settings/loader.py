@@ -1,8 +1,8 @@
 """Strict YAML: positions kept, duplicate keys refused, numbers as in YAML 1.2.
 
-PyYAML reads YAML 1.1, where ``1e-3`` is text, ``010`` is 8, ``12:30`` is 750, ``no`` is false and a repeated key silently wins.
-A configuration must not hold such traps, so this loader resolves the YAML 1.2 core schema. ruamel.yaml was looked at: it
-reads 1.2, but keeps positions only on its round-trip types, which then leak into every model.
+PyYAML reads YAML 1.1, where ``1e-3`` is text, ``010`` is 8, ``12:30`` is 750, ``no`` is false and a repeated key
+silently wins. A configuration must not hold such traps, so this loader resolves the YAML 1.2 core schema. ruamel.yaml
+was looked at: it reads 1.2, but keeps positions only on its round-trip types, which then leak into every model.
 """
 
 from __future__ import annotations
@@ -25,16 +25,28 @@ class _Loader(yaml.SafeLoader):
     """SafeLoader with the scalar rules of YAML 1.2's core schema."""
 
 
+_FLOAT = r"[-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
+_CORE_SCHEMA = (  # tag, pattern of the whole scalar, its possible first characters
+    ("bool", r"true|True|TRUE|false|False|FALSE", [*"tTfF"]),
+    ("int", r"[-+]?\d+", [*"-+0123456789"]),
+    ("float", _FLOAT, [*"-+.0123456789"]),
+    ("null", r"~|null|Null|NULL|", [*"~nN", ""]),
+)
+
+
+def _construct_int(loader: Any, node: Any) -> int:
+    return int(loader.construct_scalar(node))
+
+
+def _construct_float(loader: Any, node: Any) -> float:
+    return float(loader.construct_scalar(node).lower().replace(".inf", "inf").replace(".nan", "nan"))
+
+
 _Loader.yaml_implicit_resolvers = {}
-for _tag, _pattern, _first in (
-    ("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF"),
-    ("int", r"^[-+]?\d+$", "-+0123456789"),
-    ("float", r"^(?:[-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$", "-+.0123456789"),
-    ("null", r"^(?:~|null|Null|NULL|)$", "~nN"),
-):
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), list(_first) + ([""] if _tag == "null" else []))  # type: ignore[no-untyped-call]
-_Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(loader.construct_scalar(node)))
-_Loader.add_constructor("tag:yaml.org,2002:float", lambda loader, node: float(loader.construct_scalar(node).replace(".inf", "inf").replace(".nan", "nan").lower()))
+for _name, _pattern, _first in _CORE_SCHEMA:
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_name}", re.compile(f"^(?:{_pattern})$"), _first)
+_Loader.add_constructor("tag:yaml.org,2002:int", _construct_int)
+_Loader.add_constructor("tag:yaml.org,2002:float", _construct_float)
 
 
 @dataclass
@@ -69,11 +81,11 @@ class Document:
     def at(self, path: KeyPath) -> Any:
         """The value at that key path, or None if it is not there."""
         value = self.data
-        for part in path:
-            try:
+        try:
+            for part in path:
                 value = value[part]
-            except (KeyError, IndexError, TypeError):
-                return None
+        except (KeyError, IndexError, TypeError):
+            return None
         return value
 
 
@@ -97,7 +109,7 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
         positions: dict[KeyPath, tuple[int, int]] = {}
         if node is not None:
             _walk(node, (), file, positions, 0)
-        data = loader.construct_document(node) if node is not None else None  # type: ignore[no-untyped-call]
+        data = loader.construct_document(node) if node is not None else None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
@@ -105,7 +117,7 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingsError(f"is not YAML: {str(error).splitlines()[0]}", file) from None
     finally:
-        loader.dispose()  # type: ignore[no-untyped-call]
+        loader.dispose()
     return Document(data, file, positions)
 
 
@@ -125,7 +137,8 @@ def _walk(node: yaml.Node, path: KeyPath, file: str, positions: dict[KeyPath, tu
             line, column = key_node.start_mark.line + 1, key_node.start_mark.column + 1
             below = (*path, str(key_node.value))
             if below in positions:
-                raise SettingsError(f"stands twice, first in line {positions[below][0]}", file, line, column, ".".join(map(str, below)))
+                message = f"stands twice, first in line {positions[below][0]}"
+                raise SettingsError(message, file, line, column, ".".join(map(str, below)))
             positions[below] = (line, column)
             _walk(child, below, file, positions, depth + 1)
 
