@@ -23,7 +23,7 @@ class Part:
     ----------
     mesh : may be shared between parts.
     material : of the whole part.
-    X_BM : (4, 4) float64, rotation and translation only [m]. It holds the whole-metre offset of a mesh that was made far
+    X_BM : (4, 4) float64, rotation and translation only [m]. It holds the whole-metre offset of a mesh made far
         from its origin (UTM coordinates), so that the mesh itself survives float32.
     name : the visual's or the object's name in its file.
     """

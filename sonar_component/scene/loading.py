@@ -1,0 +1,34 @@
+"""One door for every kind of scene: scene YAML, SDF, or a bare mesh file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from sonar_component.scene.body import Body
+from sonar_component.scene.mesh_file import SUFFIXES, read_mesh_file
+from sonar_component.scene.scene_file import read_scene_file
+from sonar_component.scene.world import World
+from sonar_component.settings import SettingsError, find_file
+
+_YAML = (".yaml", ".yml")
+
+
+def load_world(path: str | Path) -> World:
+    """Read a scene YAML, an SDF world or model, or a bare mesh file (metres, Z up).
+
+    Raises
+    ------
+    SettingsError
+        When the file is missing, of an unknown kind, or wrong; says where, what is allowed and what was got.
+    """
+    found = find_file(path)
+    suffix = found.suffix.lower()
+    if suffix in _YAML:
+        return read_scene_file(found)
+    if suffix in SUFFIXES:
+        parts, warnings = read_mesh_file(found)
+        return World([Body(found.stem, parts, np.eye(4))], warnings)
+    allowed = ", ".join((*_YAML, *SUFFIXES))
+    raise SettingsError(f"is not a scene known here; allowed: {allowed}", str(found))

@@ -1,0 +1,158 @@
+"""Reads a scene YAML into a World.
+
+version: 1
+materials:
+  steel: {reflectance: 1.4, normal_map: plates.png}
+bodies:
+  wreck: {mesh: wreck.glb, pose: {position: [14 m, 0, -6 m], rpy: [0, 0, 30 deg]}, material: steel}
+  buoy: {sphere: {radius: 0.4 m}, moving: true}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sonar_component.scene import pose, shapes
+from sonar_component.scene.body import Body, Part
+from sonar_component.scene.material import Material
+from sonar_component.scene.mesh import Mesh
+from sonar_component.scene.mesh_file import MeshOptions, read_mesh_file
+from sonar_component.scene.scene_settings import BodySettings, MaterialSettings, PoseSettings, SceneSettings
+from sonar_component.scene.terrain import read_heights, terrain
+from sonar_component.scene.texture import read_image
+from sonar_component.scene.world import World
+from sonar_component.settings import Document, SettingsError, SettingsErrors, find_file, load_yaml, validate
+from sonar_component.settings.errors import suggest
+
+
+def read_scene_file(path: Path) -> World:
+    """Read a scene YAML with everything that it names.
+
+    Raises
+    ------
+    SettingsErrors
+        All mistakes at once, each with file, line and key: unknown keys, missing or broken meshes, unknown materials.
+    """
+    document = load_yaml(path)
+    return _Reader(path, document, validate(SceneSettings, document)).world()
+
+
+class _Reader:
+    """One reading of one file: collects mistakes, so that all are told at once."""
+
+    def __init__(self, path: Path, document: Document, settings: SceneSettings) -> None:
+        self.path, self.document, self.settings = path, document, settings
+        self.errors: list[SettingsError] = []
+        self.warnings: list[str] = []
+        self.materials: dict[str, Material] = {}
+
+    def world(self) -> World:
+        for name, settings in self.settings.materials.items():
+            self._try(("materials", name), lambda n=name, s=settings: self._add_material(n, s))
+        bodies = []
+        for name, body in self.settings.bodies.items():
+            made = self._try(("bodies", name), lambda n=name, b=body: self._body(n, b))
+            bodies.append(made)
+        if self.errors:
+            raise SettingsErrors(self.errors)
+        return World(bodies, self.warnings)
+
+    def _try(self, key: tuple[str, ...], make: Callable[[], Any]) -> Any:
+        """Return what `make` makes, or note its error at `key` unless it already knows its line."""
+        try:
+            return make()
+        except SettingsErrors as errors:
+            self.errors.extend(errors.errors)
+        except SettingsError as error:
+            self.errors.append(error if error.line is not None else self.document.error(key, str(error)))
+        except ValueError as error:
+            self.errors.append(self.document.error(key, str(error)))
+        return None
+
+    def _add_material(self, name: str, settings: MaterialSettings) -> None:
+        self.materials[name] = self._material(name, settings)
+
+    def _material(self, name: str, settings: MaterialSettings) -> Material:
+        normal_map, reflectance_map = settings.normal_map, settings.reflectance_map
+        return Material(
+            name,
+            settings.reflectance,
+            None if normal_map is None else read_image(find_file(normal_map, self.path), "RGB"),
+            None if reflectance_map is None else read_image(find_file(reflectance_map, self.path), "L"),
+        )
+
+    def _chosen(self, key: tuple[str, ...], choice: str | MaterialSettings) -> Material:
+        if isinstance(choice, MaterialSettings):
+            return self._material(key[-1] if key[-2] == "materials" else key[1], choice)
+        if choice not in self.materials:
+            known = self.settings.materials
+            hint = suggest(choice, known) or f"; materials: {', '.join(known) or 'none'}"
+            raise self.document.error(key, f'no material "{choice}" in this file{hint}')
+        return self.materials[choice]
+
+    def _body(self, name: str, settings: BodySettings) -> Body:
+        parts = self._parts(name, settings)
+        by_name = {
+            wanted: self._chosen(("bodies", name, "materials", wanted), choice)
+            for wanted, choice in settings.materials.items()
+        }
+        for wanted in by_name:
+            present = {part.material.name for part in parts} | {part.name for part in parts}
+            if wanted not in present:
+                key = ("bodies", name, "materials", wanted)
+                raise self.document.error(key, f"no material or part of that name in it; it has {_listed(present)}")
+        everywhere = None
+        if settings.material is not None:
+            everywhere = self._chosen(("bodies", name, "material"), settings.material)
+        # Looked up by the file's own names: a part's name is more particular than its material's.
+        chosen = [by_name.get(p.name, by_name.get(p.material.name, everywhere)) for p in parts]
+        parts = [p if m is None else replace(p, material=m) for p, m in zip(parts, chosen, strict=True)]
+        return Body(name, parts, to_pose(settings.pose), settings.moving)
+
+    def _parts(self, name: str, settings: BodySettings) -> list[Part]:
+        if settings.mesh is not None:
+            parts, warnings = self._mesh(("bodies", name, "mesh"), settings)
+            self.warnings += [f"body '{name}': {line}" for line in warnings]
+            return parts
+        return [Part(self._shape(name, settings), Material("default"), pose.from_rpy((0, 0, 0), (0, 0, 0)), name)]
+
+    def _mesh(self, key: tuple[str, ...], settings: BodySettings) -> tuple[list[Part], list[str]]:
+        assert settings.mesh is not None  # for the type checker; the caller asked
+        options = MeshOptions(settings.scale, settings.unit, settings.up)
+        try:
+            return read_mesh_file(find_file(settings.mesh, self.path), options)
+        except SettingsError as error:
+            raise self.document.error(key, str(error)) from None
+
+    def _shape(self, name: str, settings: BodySettings) -> Mesh:
+        if settings.terrain is not None:
+            try:
+                return terrain(read_heights(find_file(settings.terrain.heights, self.path)), settings.terrain.size)
+            except ValueError as error:
+                raise self.document.error(("bodies", name, "terrain", "heights"), str(error)) from None
+        if settings.box is not None:
+            return shapes.box(settings.box.size)
+        if settings.sphere is not None:
+            return shapes.sphere(settings.sphere.radius)
+        if settings.cylinder is not None:
+            return shapes.cylinder(settings.cylinder.radius, settings.cylinder.length)
+        if settings.capsule is not None:
+            return shapes.capsule(settings.capsule.radius, settings.capsule.length)
+        if settings.ellipsoid is not None:
+            return shapes.ellipsoid(settings.ellipsoid.radii)
+        assert settings.plane is not None  # the model allows exactly one shape
+        return shapes.plane(settings.plane.size, settings.plane.normal)
+
+
+def to_pose(settings: PoseSettings) -> pose.Pose:
+    """X_WB of what stands in the file."""
+    if settings.quaternion is not None:
+        return pose.from_quaternion(settings.position, settings.quaternion)
+    return pose.from_rpy(settings.position, settings.rpy or (0.0, 0.0, 0.0))
+
+
+def _listed(names: set[str]) -> str:
+    return ", ".join(f'"{name}"' for name in sorted(names))
