@@ -1,0 +1,203 @@
+"""Sample <-> header and raw buffers; pure, no sockets. The format is written down in README.md beside this file.
+
+Arrays up to `INLINE_BYTES` stand in the header itself, since one frame less is worth more there than one copy: a pose
+has eight of them and travels in two frames instead of ten. A list of numbers in msgpack was the alternative for large
+ones; it takes about 250 times as long as the raw buffer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from sonar_component.middleware.schema import DTYPES, Field, Schema, schema_of, wire_dtype
+
+ENVELOPE = 1
+INLINE_BYTES = 256
+MAX_DIMENSIONS = 8
+MAX_HEADER_BYTES = 4 << 20  # far above any header of ours; the largest holds the names of a scene's bodies
+_REQUIRED: dict[str, type] = {
+    "e": int, "type": str, "sv": list, "sh": str, "src": str, "run": str, "seq": int, "t": int, "tp": int, "clk": str,
+}  # fmt: skip
+_CONVERT: dict[str, type] = {"int": int, "float": float, "str": str, "bool": bool}
+
+
+class WireError(ValueError):
+    """A message that does not follow the format; the text says what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The envelope of one sample.
+
+    Attributes
+    ----------
+    type, version, schema_hash : the sample type as the sender knows it.
+    source : ``task.port`` of the sender.
+    run : changes with each start of the sender, so that a sequence that begins anew is not taken for loss.
+    seq : counts the samples of that port in that run, from 1.
+    time : data time [us], of the clock named in ``clock`` ("wall" or "sim").
+    published : wall time at which the sample was written [us].
+    """
+
+    type: str
+    version: tuple[int, int]
+    schema_hash: str
+    source: str
+    run: str
+    seq: int
+    time: int
+    published: int
+    clock: str
+
+
+def encode(sample: Any, envelope: dict[str, Any]) -> list[Any]:
+    """Turn a sample into frames: the packed header, then one buffer for each large array.
+
+    Parameters
+    ----------
+    sample : a dataclass that `schema_of` accepts.
+    envelope : the header without ``body`` and ``arr``.
+    """
+    cls: type = type(sample)
+    schema = schema_of(cls)
+    body: dict[str, Any] = {}
+    described: list[list[Any]] = []
+    buffers: list[Any] = []
+    for field in schema.fields:
+        value = getattr(sample, field.name)
+        if field.kind != "array":
+            body[field.name] = _CONVERT[field.kind](value)
+            continue
+        array = _contiguous(value, field)
+        entry: list[Any] = [field.name, field.dtype or wire_dtype(array.dtype), list(array.shape)]
+        if array.nbytes <= INLINE_BYTES:
+            entry.append(array.tobytes())
+        else:
+            buffers.append(array)
+        described.append(entry)
+    return [msgpack.packb({**envelope, "body": body, "arr": described}), *buffers]
+
+
+def _contiguous(value: Any, field: Field) -> np.ndarray[Any, Any]:
+    return np.ascontiguousarray(value, DTYPES[field.dtype] if field.dtype else None).reshape(np.shape(value))
+
+
+def unpack(frame: Any) -> dict[str, Any]:
+    """Read a header frame without its arrays.
+
+    Raises
+    ------
+    WireError
+        If it is not a header of this envelope version.
+    """
+    if len(frame) > MAX_HEADER_BYTES:
+        raise WireError(f"header of {len(frame)} bytes, at most {MAX_HEADER_BYTES}")
+    try:
+        header = msgpack.unpackb(frame, strict_map_key=True)
+    except Exception as error:  # msgpack raises a dozen types for the same fact
+        raise WireError(f"header is not msgpack: {type(error).__name__}") from None
+    if not isinstance(header, dict):
+        raise WireError(f"header is not a map but {type(header).__name__}")
+    for key, kind in _REQUIRED.items():
+        if type(header.get(key)) is not kind:
+            raise WireError(f"header field {key!r} must be {kind.__name__}, got {_brief(header.get(key))}")
+    if header["e"] != ENVELOPE:
+        raise WireError(f"envelope version {_brief(header['e'])}, this reader knows {ENVELOPE}")
+    version = header["sv"]
+    if len(version) != 2 or not all(type(part) is int for part in version):
+        raise WireError(f"schema version must be [major, minor], got {_brief(version)}")
+    return header
+
+
+def envelope_of(header: dict[str, Any]) -> Header:
+    """The typed envelope of an unpacked header."""
+    h = header
+    return Header(h["type"], tuple(h["sv"]), h["sh"], h["src"], h["run"], h["seq"], h["t"], h["tp"], h["clk"])
+
+
+def decode(schema: Schema, header: dict[str, Any], buffers: Sequence[Any]) -> Any:
+    """Rebuild a sample; its large arrays are read-only views of the buffers.
+
+    Raises
+    ------
+    WireError
+        If type, fields or sizes do not fit the schema. Fields that the schema does not have are skipped, and fields
+        that did not come keep their defaults.
+    """
+    if header["type"] != schema.name or header["sv"][0] != schema.major:
+        got = f"{_brief(header['type'])} version {_brief(header['sv'][0])}"
+        raise WireError(f"sample is {got}, this port takes {schema.name} version {schema.major}")
+    body, arrays = header.get("body"), _arrays(header.get("arr"), buffers)
+    if not isinstance(body, dict):
+        raise WireError(f"header field 'body' must be dict, got {_brief(body)}")
+    values: dict[str, Any] = {}
+    for field in schema.fields:
+        if field.kind == "array":
+            if field.name in arrays:
+                values[field.name] = _as_declared(field, arrays[field.name])
+        elif field.name in body:
+            values[field.name] = _scalar(field, body[field.name])
+    return schema.cls(**values)
+
+
+def _scalar(field: Field, value: Any) -> Any:
+    kind = type(value)
+    if field.kind == "float" and kind in (float, int):
+        return float(value)
+    if kind is not _CONVERT[field.kind]:
+        raise WireError(f"field {field.name!r} must be {field.kind}, got {_brief(value)}")
+    return value
+
+
+def _as_declared(field: Field, array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    if field.dtype and array.dtype != DTYPES[field.dtype]:
+        raise WireError(f"array {field.name!r} must be {field.dtype}, got {array.dtype.str}")
+    return array
+
+
+def _arrays(described: Any, buffers: Sequence[Any]) -> dict[str, np.ndarray[Any, Any]]:
+    if not isinstance(described, list) or len(described) > 256:
+        raise WireError("header field 'arr' must be a list of at most 256 arrays")
+    waiting = iter(buffers)
+    found: dict[str, np.ndarray[Any, Any]] = {}
+    for entry in described:
+        if not isinstance(entry, list) or len(entry) not in (3, 4) or type(entry[0]) is not str:
+            raise WireError(f"array entry must be [name, dtype, shape] and maybe data, got {_brief(entry)}")
+        data = entry[3] if len(entry) == 4 else next(waiting, None)
+        if data is None:
+            raise WireError(f"array {entry[0]!r} has no buffer: {len(buffers)} came")
+        found[entry[0]] = _array(entry[0], entry[1], entry[2], data)
+    if next(waiting, None) is not None:
+        raise WireError(f"{len(buffers)} buffers came, more than arrays described")
+    return found
+
+
+def _array(name: str, dtype: Any, shape: Any, data: Any) -> np.ndarray[Any, Any]:
+    if type(dtype) is not str or dtype not in DTYPES:
+        raise WireError(f"array {name!r}: dtype {_brief(dtype)} is not allowed")
+    sizes_fit = isinstance(shape, list) and len(shape) <= MAX_DIMENSIONS
+    if not sizes_fit or not all(type(size) is int and size >= 0 for size in shape):
+        raise WireError(f"array {name!r}: shape {_brief(shape)} is not allowed")
+    if not isinstance(data, (bytes, memoryview)):
+        raise WireError(f"array {name!r}: data must be bytes, got {_brief(data)}")
+    count = 1
+    for size in shape:
+        count *= size
+    expected, got = count * DTYPES[dtype].itemsize, len(data)
+    if expected != got:
+        raise WireError(f"array {name!r}: {dtype} {_brief(shape)} takes {expected} bytes, {got} came")
+    return np.frombuffer(data, DTYPES[dtype]).reshape(shape)
+
+
+def _brief(value: Any) -> str:
+    """At most 60 characters of a stranger's value."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):
+        text = type(value).__name__  # an integer of more digits than Python prints
+    return text if len(text) <= 60 else text[:57] + "..."
