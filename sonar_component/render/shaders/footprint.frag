@@ -1,0 +1,80 @@
+#version 430
+// One sample: range, extent in range of the surface inside its cell, echo strength.
+// in: p_S, n_S of the first surface hit [m, -]. Owner: render/footprints.py.
+// out.x: bits of the range as float [m]; 0 where nothing was hit.
+// out.y: bits 0-15 square root of echo strength / strength_max, bits 16-30 square root of extent / range_max,
+//        bit 31 set where the range falls with elevation. Square roots keep small values precise.
+// out.z (TRUTH): id of the body.
+uniform float range_max;      // [m], end of the last bin
+uniform float strength_max;   // [-], greatest value that the strength can take
+uniform float column_share;   // [-], width of a cell / distance of neighbouring columns in this view
+#ifdef SIGMOID
+uniform float sigmoid_slope;  // [-]
+uniform float sigmoid_centre; // [-]
+#endif
+#ifdef ATTENUATION
+uniform float attenuation;    // [Np/m], one way, of the amplitude
+#endif
+
+in vec3 p_S;
+in vec3 n_S;
+flat in float reflectance;
+#ifdef TRUTH
+flat in uint part_id;
+#endif
+#ifdef NORMAL_MAP
+in vec2 uv;
+flat in uint texture_layer;
+uniform sampler2DArray normal_maps;
+
+// Tangent frame from the derivatives of position and texture coordinates: right for mirrored ones too, needs no
+// tangents in the mesh, and leaves the normal alone where the coordinates do not span the surface.
+vec3 perturbed(vec3 normal) {
+    vec3 dx = dFdx(p_S), dy = dFdy(p_S);
+    vec2 du = dFdx(uv), dv = dFdy(uv);
+    vec3 across_y = cross(dy, normal), across_x = cross(normal, dx);
+    vec3 tangent = across_y * du.x + across_x * dv.x;
+    vec3 bitangent = across_y * du.y + across_x * dv.y;
+    float size = max(dot(tangent, tangent), dot(bitangent, bitangent));
+    if (texture_layer == 0u || !(size > 0.0)) return normal;
+    vec3 relief = texture(normal_maps, vec3(uv, float(texture_layer) - 1.0)).xyz * 2.0 - 1.0;
+    return normalize(mat3(tangent * inversesqrt(size), bitangent * inversesqrt(size), normal) * relief);
+}
+#endif
+
+#ifdef TRUTH
+out uvec4 sample_bits;
+#else
+out uvec2 sample_bits;
+#endif
+
+void main() {
+    float range = length(p_S);
+    // A normal of length zero says nothing: the triangle's own plane then does.
+    vec3 plane = cross(dFdx(p_S), dFdy(p_S));
+    vec3 normal = dot(n_S, n_S) > 1e-12 ? normalize(n_S) : normalize(plane);
+#ifdef NORMAL_MAP
+    normal = perturbed(normal);
+#endif
+    // Two-sided: a surface answers alike whichever way its triangles are wound.
+    float strength = abs(dot(normal, p_S)) / range * reflectance;
+#ifdef ATTENUATION
+    strength *= exp(-2.0 * attenuation * range);
+#endif
+#ifdef SIGMOID
+    strength = 1.0 / (1.0 + exp(-sigmoid_slope * (strength - sigmoid_centre)));
+#endif
+    float across = dFdx(range) * column_share;
+    float along = dFdy(range);
+    // Cells that touch along one direction then abut in range; in between the extent keeps its variance.
+    float extent = sqrt(across * across + along * along);
+    uint strength_bits = uint(sqrt(clamp(strength / strength_max, 0.0, 1.0)) * 65535.0 + 0.5);
+    uint extent_bits = uint(sqrt(clamp(extent / range_max, 0.0, 1.0)) * 32767.0 + 0.5);
+    uint sign_bit = along < 0.0 ? 0x80000000u : 0u;
+    uint code = strength_bits | (extent_bits << 16) | sign_bit;
+#ifdef TRUTH
+    sample_bits = uvec4(floatBitsToUint(range), code, part_id, 0u);
+#else
+    sample_bits = uvec2(floatBitsToUint(range), code);
+#endif
+}

@@ -1,0 +1,74 @@
+"""Meshes cut into tiles of neighbouring triangles, and which of them a view can see.
+
+What is out of sight must not cost: a tile outside the sector or beyond the range is not drawn. Tiles are small enough
+to follow the edge of a sector and large enough that one draw each is cheap.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TILE_FACES = 2048  # [-], triangles per tile at most
+
+
+def split(vertices: Array, faces: NDArray[np.int32]) -> list[NDArray[np.int32]]:
+    """Cut a mesh at the median of its longest side until every tile has at most TILE_FACES triangles.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64 [m]
+    faces : (m, 3) int32
+
+    Returns
+    -------
+    list of (k,) int32
+        Indices of the faces of each tile.
+    """
+    centres = vertices[faces].mean(axis=1)
+    tiles, waiting = [], [np.arange(len(faces), dtype=np.int32)]
+    while waiting:
+        chosen = waiting.pop()
+        if len(chosen) <= TILE_FACES:
+            tiles.append(chosen)
+            continue
+        extent = np.ptp(centres[chosen], axis=0)
+        order = np.argpartition(centres[chosen, extent.argmax()], len(chosen) // 2)
+        waiting += [chosen[order[: len(chosen) // 2]], chosen[order[len(chosen) // 2 :]]]
+    return tiles
+
+
+def bounding_sphere(points: Array) -> tuple[Array, float]:
+    """Centre (3,) and radius [m] of a sphere around points (n, 3): that of their box, a few per cent too large."""
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).max()))
+
+
+def seen(
+    centres_S: Array, radii: Array, azimuth: float, half_width: float, tangent_up: float, range_max: float
+) -> NDArray[np.bool_]:
+    """Which spheres may touch a view: within range, between its four planes, not behind it.
+
+    Parameters
+    ----------
+    centres_S : (n, 3) float64
+        In the sonar's frame [m].
+    radii : (n,) float64 [m]
+    azimuth, half_width : float
+        Of the view [rad].
+    tangent_up : float
+        Tangent of its upper (and lower) edge at depth 1.
+    """
+    x, y, z = centres_S.T
+    depth = np.cos(azimuth) * x + np.sin(azimuth) * y
+    side = np.abs(np.cos(azimuth) * y - np.sin(azimuth) * x)
+    up = np.arctan(tangent_up)
+    inside: NDArray[np.bool_] = (
+        (depth > -radii)
+        & (depth * np.sin(half_width) - side * np.cos(half_width) > -radii)
+        & (depth * np.sin(up) - np.abs(z) * np.cos(up) > -radii)
+        & (x * x + y * y + z * z < (range_max + radii) ** 2)
+    )
+    return inside
