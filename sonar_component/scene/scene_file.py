@@ -51,19 +51,18 @@ class _Reader:
 
     def world(self) -> World:
         for name, settings in self.settings.materials.items():
-            self._try(("materials", name), lambda n=name, s=settings: self._add_material(n, s))
+            self._try(("materials", name), self._add_material, name, settings)
         bodies = []
         for name, body in self.settings.bodies.items():
-            made = self._try(("bodies", name), lambda n=name, b=body: self._body(n, b))
-            bodies.append(made)
+            bodies.append(self._try(("bodies", name), self._body, name, body))
         if self.errors:
             raise SettingsErrors(self.errors)
         return World(bodies, self.warnings)
 
-    def _try(self, key: tuple[str, ...], make: Callable[[], Any]) -> Any:
+    def _try(self, key: tuple[str, ...], make: Callable[..., Any], *arguments: object) -> Any:
         """Return what `make` makes, or note its error at `key` unless it already knows its line."""
         try:
-            return make()
+            return make(*arguments)
         except SettingsErrors as errors:
             self.errors.extend(errors.errors)
         except SettingsError as error:
