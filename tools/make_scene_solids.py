@@ -163,8 +163,7 @@ def bend(points: Sequence[Sequence[float]], radius: float, steps: int = 8) -> Po
         la, lb = np.linalg.norm(a), np.linalg.norm(b)
         cut = min(radius, la / 2, lb / 2)
         start, end = corner + a / la * cut, corner + b / lb * cut
-        for t in np.linspace(0, 1, steps):
-            path.append((1 - t) ** 2 * start + 2 * t * (1 - t) * corner + t**2 * end)
+        path += [(1 - t) ** 2 * start + 2 * t * (1 - t) * corner + t**2 * end for t in np.linspace(0, 1, steps)]
     path.append(p[-1])
     return np.array(path)
 

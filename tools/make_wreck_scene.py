@@ -2,12 +2,13 @@
 
     python tools/make_wreck_scene.py            writes configs/scenes/wreck_site/*.glb and seafloor.png
 
-Everything is parametric and seeded: the same script gives the same bytes. X runs ahead, Y to the left, Z up; the sea's surface is
-z = 0 and the floor lies around z = -20 m.
+Everything is parametric and seeded: the same script gives the same bytes. X runs ahead, Y to the left, Z up; the sea's
+surface is z = 0 and the floor lies around z = -20 m.
 """
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import make_scene_solids as s
@@ -25,6 +26,8 @@ LENGTH, BREADTH, DEPTH = 24.0, 5.8, 3.2  # [m], hull
 STATIONS, GIRTH = 97, 19  # [-], samples along and around the hull
 BREAK = (0.53, 0.62)  # [-], where the hull is torn, as a share of its length from the stern
 
+
+Solids = list[s.Solid]
 
 # ---------------------------------------------------------------- sea floor
 
@@ -125,9 +128,8 @@ def frames(first: float, last: float) -> list[s.Solid]:
     keel = hull_point(along, np.zeros_like(along), 1)
     keel[:, 1] = 0
     solids.append(s.sweep(keel, lambda _s: s.bar(0.35, 0.45)))
-    for side in (-1, 1):  # the rail
-        solids.append(s.sweep(hull_point(along, np.ones_like(along), side), lambda _s: s.bar(0.22, 0.12)))
-    return solids
+    rails = [hull_point(along, np.ones_like(along), side) for side in (-1, 1)]
+    return solids + [s.sweep(rail, lambda _s: s.bar(0.22, 0.12)) for rail in rails]
 
 
 def deck(
@@ -154,7 +156,7 @@ def deck(
         x0, x1 = (station - half_length - 0.5) * LENGTH, (station + half_length - 0.5) * LENGTH
         z = float(hull_point(np.array(station), np.array(0.92), 1)[2]) + 0.3
         corners = [(x0, -half_width), (x1, -half_width), (x1, half_width), (x0, half_width), (x0, -half_width)]
-        for (ax, ay), (bx, by) in zip(corners[:-1], corners[1:], strict=True):
+        for (ax, ay), (bx, by) in itertools.pairwise(corners):
             solids.append(s.beam((ax, ay, z), (bx, by, z), 0.08, 0.6))
     return solids
 
@@ -304,10 +306,8 @@ def pipeline(heights: np.ndarray) -> dict[str, tuple[list[s.Solid], str]]:
     path = np.column_stack([xy, z + 0.16])
     path[:6, 2] += np.linspace(0.5, 0, 6)
     solids = [s.tube(path, 0.36, 20)]
-    for k in range(4, len(path) - 4, 24):  # field joints
-        solids.append(s.tube(path[k - 1 : k + 1], 0.42, 20))
-    for k in range(14, len(path) - 4, 24):  # bracelet anodes
-        solids.append(s.tube(path[k : k + 2], 0.40, 20))
+    solids += [s.tube(path[k - 1 : k + 1], 0.42, 20) for k in range(4, len(path) - 4, 24)]  # field joints
+    solids += [s.tube(path[k : k + 2], 0.40, 20) for k in range(14, len(path) - 4, 24)]  # bracelet anodes
     supports = []
     for k in range(9, len(path) - 2, 22):
         p, t = path[k], path[k + 1] - path[k - 1]
@@ -329,23 +329,24 @@ def pipeline(heights: np.ndarray) -> dict[str, tuple[list[s.Solid], str]]:
 def manifold(heights: np.ndarray) -> dict[str, tuple[list[s.Solid], str]]:
     """A valve station: mud mat, frame with braces, headers, six gate valves with hand wheels."""
     frame, piping = [], []
-    l, w, h = 2.4, 1.7, 2.5
-    frame.append(s.box((2 * l + 1.2, 2 * w + 1.0, 0.18), (0, 0, 0)))
-    for x in (-l, 0, l):
-        for y in (-w, w):
-            frame.append(s.rod((x, y, 0), (x, y, h), 0.11, 12))
+    le, w, h = 2.4, 1.7, 2.5
+    frame.append(s.box((2 * le + 1.2, 2 * w + 1.0, 0.18), (0, 0, 0)))
+    for x in (-le, 0, le):
+        frame += [s.rod((x, y, 0), (x, y, h), 0.11, 12) for y in (-w, w)]
         frame.append(s.rod((x, -w, h), (x, w, h), 0.09, 12))
     for y in (-w, w):
-        frame += [s.rod((-l, y, z), (l, y, z), 0.09, 12) for z in (0.3, h)]
-        frame += [s.rod((-l, y, 0.3), (0, y, h), 0.06, 10), s.rod((0, y, h), (l, y, 0.3), 0.06, 10)]
-    for x in (-l, l):
+        frame += [s.rod((-le, y, z), (le, y, z), 0.09, 12) for z in (0.3, h)]
+        frame += [s.rod((-le, y, 0.3), (0, y, h), 0.06, 10), s.rod((0, y, h), (le, y, 0.3), 0.06, 10)]
+    for x in (-le, le):
         frame += [s.rod((x, -w, 0.3), (x, w, h), 0.06, 10)]
-    for x in np.arange(-l, l + 0.01, 0.6):  # the roof's bars against trawls
+    for x in np.arange(-le, le + 0.01, 0.6):  # the roof's bars against trawls
         frame.append(s.rod((x, -w, h), (x, w, h), 0.035, 8))
     for side, y in ((-1, -0.75), (1, 0.75)):
-        header = s.bend([(-l - 0.9, y, 0.75), (l - 0.3, y, 0.75), (l - 0.3, y, 1.6), (l - 0.3, 0.1 * side, 1.6)], 0.35)
+        header = s.bend(
+            [(-le - 0.9, y, 0.75), (le - 0.3, y, 0.75), (le - 0.3, y, 1.6), (le - 0.3, 0.1 * side, 1.6)], 0.35
+        )
         piping.append(s.tube(header, 0.16, 16))
-        piping += s.flange((-l - 0.9, y, 0.75), (1, 0, 0), 0.3, 0.07)
+        piping += s.flange((-le - 0.9, y, 0.75), (1, 0, 0), 0.3, 0.07)
         for x in (-1.4, 0.2):
             piping += s.valve((x, y, 0.75), (1, 0, 0), (0, 0, 1), 0.17)
     for x in (-0.6, 1.1):
@@ -353,9 +354,9 @@ def manifold(heights: np.ndarray) -> dict[str, tuple[list[s.Solid], str]]:
             s.tube(s.bend([(x, -0.75, 0.75), (x, -0.75, 1.35), (x, 0.75, 1.35), (x, 0.75, 0.75)], 0.3), 0.12, 14)
         )
         piping += s.valve((x, 0, 1.35), (0, 1, 0), (0, 0, 1), 0.13)
-    out = s.bend([(l - 0.3, 0.1, 1.6), (l - 0.3, -0.6, 1.6), (l + 0.5, -0.6, 1.5), (l + 0.9, -0.6, 0.9)], 0.35)
+    out = s.bend([(le - 0.3, 0.1, 1.6), (le - 0.3, -0.6, 1.6), (le + 0.5, -0.6, 1.5), (le + 0.9, -0.6, 0.9)], 0.35)
     piping.append(s.tube(out, 0.2, 16))
-    piping += s.flange((l + 0.9, -0.6, 0.85), (0.4, 0, -1), 0.42, 0.08)
+    piping += s.flange((le + 0.9, -0.6, 0.85), (0.4, 0, -1), 0.42, 0.08)
     x, y = MANIFOLD
     place = (x, y, float(ground(heights, x, y)) + 0.1)
     return {
