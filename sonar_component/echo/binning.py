@@ -1,7 +1,8 @@
 """Samples to beams x bins on the CPU: each footprint is spread over the bins that it covers.
 
 A cell whose surface spans the ranges [r - g/2, r + g/2] gives each bin its solid angle times the part of the span that
-lies in the bin. Bins are added to directly: nothing is ever subtracted, so no residue is left behind a strong echo.
+lies in the bin. Short spans are added bin by bin; long ones as two steps that a running sum in float64 turns into their
+inner bins. What such a sum leaves behind is 1e-16 of the beam, a billionth of EMPTY, below which a bin counts as empty.
 
 numba compiles the loop: with a software driver it is the fastest way measured here, 4 ns a sample against 28 ns for four
 numpy.bincount calls and 50 ns for atomics in a compute shader on llvmpipe. On hardware the shader in reduction.py wins.
@@ -12,6 +13,7 @@ entered from two tasks at once.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numba
@@ -19,6 +21,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.echo.assignment import Assignment
+
+
+EMPTY = 1e-7  # [-], of a beam's solid angle: below it a bin counts as empty
+_BEAMS_PER_WORKER = 16  # [-], fewer are not worth handing to another thread
+_LONG = 3  # [bins], span from which on a difference array is cheaper than adding to every bin
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How samples become bins.
+
+    Attributes
+    ----------
+    bin_count : int
+    range_max : float
+        End of the last bin [m].
+    min_range : float
+        Bins that begin below it stay empty [m].
+    strength_max : float
+        Scale of the strengths in the samples [-].
+    mean : bool
+        The paper's mean over the surface in a bin; otherwise the energy, relative to the beam's solid angle.
+    """
+
+    bin_count: int
+    range_max: float
+    min_range: float = 0.0
+    strength_max: float = 1.0
+    mean: bool = True
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
@@ -41,15 +72,24 @@ def _bin_beams(
     range_max: float,
     strength_max: float,
     min_range: float,
+    unit: Any,
+    mean: bool,
+    bins: Any,
     weight: Any,
-    energy: Any,
 ) -> None:
-    bin_count = weight.shape[1]
-    lowest = min_range * bins_per_metre
+    bin_count = bins.shape[1]
+    lowest = int(np.ceil(min_range * bins_per_metre - 1e-6))
     strength_scale = np.float32(strength_max / (65535.0 * 65535.0))
     extent_scale = np.float32(range_max * bins_per_metre / (32767.0 * 32767.0))
     metre = np.float32(bins_per_metre)
+    half = np.float32(0.5)
+    steps = np.zeros((bin_count + 1, 2))
+    weights = np.empty(bin_count, np.float32)
+    energies = np.empty(bin_count, np.float32)
     for beam in range(begin, end):
+        stepped = False
+        weights[:] = 0.0
+        energies[:] = 0.0
         for entry in range(start[beam], start[beam + 1]):
             c = column[entry]
             part = share[entry]
@@ -57,15 +97,12 @@ def _bin_beams(
             for row in range(first, last + 1):
                 index = row * stride + c
                 r = ranges[index * components]
-                if r <= np.float32(0.0):
+                if not r > np.float32(0.0):
                     continue
                 code = codes[index * components]
-                root = np.float32(code & np.uint32(0xFFFF))
-                strength = root * root * strength_scale
                 root = np.float32((code >> np.uint32(16)) & np.uint32(0x7FFF))
                 extent = root * root * extent_scale
-                w = solid_angle[index] * part
-                low = r * metre - np.float32(0.5) * extent
+                low = r * metre - half * extent
                 high = low + extent
                 if row == first or row == last:
                     # Only a part of the cell lies inside the aperture: cut the same part off its span in range.
@@ -76,29 +113,65 @@ def _bin_beams(
                     low, high = low + below * extent, high - above * extent
                 if high < lowest or low >= bin_count:
                     continue
-                k_low, k_high = int(np.floor(low)), int(np.floor(high))
+                root = np.float32(code & np.uint32(0xFFFF))
+                w = solid_angle[index] * part
+                e = w * (root * root * strength_scale)
+                k_low, k_high = int(np.floor(low)), int(high)
                 if k_low == k_high:
-                    if k_low >= 0 and low >= lowest:
-                        weight[beam, k_low] += w
-                        energy[beam, k_low] += w * strength
+                    if k_low >= lowest and k_low < bin_count:
+                        weights[k_low] += w
+                        energies[k_low] += e
                     continue
-                density = w / (high - low)
-                for k in range(max(k_low, 0, int(lowest)), min(k_high, bin_count - 1) + 1):
-                    covered = (min(high, np.float32(k + 1)) - max(low, np.float32(k))) * density
-                    weight[beam, k] += covered
-                    energy[beam, k] += covered * strength
+                per_bin = np.float32(1.0) / (high - low)
+                w, e = w * per_bin, e * per_bin
+                if k_low >= lowest:
+                    covered = np.float32(k_low + 1) - low
+                    weights[k_low] += w * covered
+                    energies[k_low] += e * covered
+                if k_high < bin_count and k_high >= lowest:
+                    covered = high - np.float32(k_high)
+                    weights[k_high] += w * covered
+                    energies[k_high] += e * covered
+                k_first, k_end = max(k_low + 1, lowest), min(k_high, bin_count)
+                if k_end - k_first < _LONG:
+                    for k in range(k_first, k_end):
+                        weights[k] += w
+                        energies[k] += e
+                else:
+                    stepped = True
+                    steps[k_first, 0] += w
+                    steps[k_first, 1] += e
+                    steps[k_end, 0] -= w
+                    steps[k_end, 1] -= e
+        if stepped:
+            w_sum = e_sum = 0.0
+            for k in range(bin_count):
+                w_sum += steps[k, 0]
+                e_sum += steps[k, 1]
+                weights[k] += np.float32(w_sum)
+                energies[k] += np.float32(e_sum)
+            steps[:] = 0.0
+        per_beam = np.float32(1.0 / unit[beam])
+        empty = np.float32(EMPTY * unit[beam])
+        for k in range(bin_count):
+            seen = weights[k] > empty
+            if mean:
+                bins[beam, k] = energies[k] / weights[k] if seen else np.float32(0.0)
+            else:
+                bins[beam, k] = energies[k] * per_beam if seen else np.float32(0.0)
+        if weight.shape[0]:
+            for k in range(bin_count):
+                weight[beam, k] = weights[k] if weights[k] > empty else np.float32(0.0)
 
 
 def bin_footprints(
     pixels: NDArray[np.uint32],
     layout: Any,
     assignment: Assignment,
-    bin_count: int,
-    range_max: float,
-    strength_max: float,
-    min_range: float = 0.0,
+    solid_angle: NDArray[np.float64],
+    scale: Scale,
     pool: ThreadPoolExecutor | None = None,
-    workers: int = 1,
+    want_weight: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Spread the footprints of all samples over beams x bins.
 
@@ -108,37 +181,42 @@ def bin_footprints(
         As the fragment shader writes them: render/shaders/footprint.frag.
     layout : render.layout.Layout
         Where the samples lie.
-    range_max : float
-        End of the last bin [m].
-    strength_max : float
-        Scale of the strengths in ``pixels`` [-].
-    min_range : float
-        Bins that begin below it stay empty [m].
+    solid_angle : (beams,) float64
+        Of each beam's sector [sr].
+    scale : Scale
+        Bins, ranges and normalisation.
+    pool : ThreadPoolExecutor, optional
+        Shares the beams among its threads.
+    want_weight : bool
+        Whether the second result is wanted.
 
     Returns
     -------
-    weight : (beams, bins) float32
+    bins : (beams, bin_count) float32
+        Mean or energy echo strength [-]; 0 where no surface is.
+    weight : (beams, bin_count) or (0, 0) float32
         Solid angle of the surface seen in each bin [sr].
-    energy : (beams, bins) float32
-        The same, each part times its echo strength [sr].
     """
     beams = len(assignment.start) - 1
-    weight = np.zeros((beams, bin_count), np.float32)
-    energy = np.zeros((beams, bin_count), np.float32)
-    flat = np.ascontiguousarray(pixels).reshape(-1)
+    bins = np.empty((beams, scale.bin_count), np.float32)
+    weight = np.empty(bins.shape if want_weight else (0, 0), np.float32)
+    flat = pixels.reshape(-1)
     rest = (
         flat.view(np.float32), flat[1:], layout.columns, pixels.shape[2], layout.solid_angle.reshape(-1),
         layout.first_row, layout.last_row, layout.first_clip, layout.last_clip,
         assignment.start, assignment.column, assignment.share,
-        bin_count / range_max, range_max, strength_max, min_range, weight, energy,
+        scale.bin_count / scale.range_max, scale.range_max, scale.strength_max, scale.min_range,
+        solid_angle, scale.mean, bins, weight,
     )  # fmt: skip
-    if pool is None or workers < 2 or beams < 2 * workers:
+    workers = 1 if pool is None else min(pool._max_workers, beams // _BEAMS_PER_WORKER)
+    if workers < 2 or pool is None:
         _bin_beams(0, beams, *rest)
-    else:
-        # Equal numbers of entries, so that no worker waits for another.
-        cuts = np.searchsorted(assignment.start, np.linspace(0, assignment.start[-1], workers + 1))
-        cuts[0], cuts[-1] = 0, beams
-        jobs = [pool.submit(_bin_beams, int(a), int(b), *rest) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
-        for job in jobs:
-            job.result()
-    return weight, energy
+        return bins, weight
+    # Equal numbers of entries, so that no worker waits for another; this thread is one of the workers.
+    cuts = np.searchsorted(assignment.start, np.linspace(0, assignment.start[-1], workers + 1)).tolist()
+    cuts[0], cuts[-1] = 0, beams
+    jobs = [pool.submit(_bin_beams, a, b, *rest) for a, b in zip(cuts[1:-1], cuts[2:], strict=True)]
+    _bin_beams(cuts[0], cuts[1], *rest)
+    for job in jobs:
+        job.result()
+    return bins, weight
