@@ -1,1 +1,1 @@
-
+"""Formulas of underwater acoustics, each with its unit, range of validity and source."""

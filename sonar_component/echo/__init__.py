@@ -1,1 +1,1 @@
-
+"""Samples to beams x bins: bearing tables, and footprints spread over the bins that they cover."""

@@ -32,7 +32,7 @@ class BeamTable:
     @property
     def solid_angle(self) -> Array:
         """(beams,) float64: solid angle of each beam's sector [sr]."""
-        return (self.left - self.right) * 2.0 * np.sin(self.half_height)
+        return np.asarray((self.left - self.right) * 2.0 * np.sin(self.half_height))
 
     def turned(self, bearing: float) -> BeamTable:
         """The same beams about another bearing [rad]."""
@@ -60,7 +60,8 @@ def equal_sine(beam_count: int, beam_width: float, beam_height: float) -> BeamTa
         If the fan is wider than 180 deg: a sine does not tell front from back.
     """
     if beam_width > np.pi + 1e-9:
-        raise ValueError(f"bearings equal in sine need a beam_width of at most 180 deg, got {np.degrees(beam_width):.6g} deg")
+        got = f"{np.degrees(beam_width):.6g} deg"
+        raise ValueError(f"bearings equal in sine need a beam_width of at most 180 deg, got {got}")
     half = min(beam_width / 2, np.pi / 2)
     sines = np.linspace(np.sin(half), -np.sin(half), 2 * beam_count + 1)
     angles = np.arcsin(sines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import moderngl
 
@@ -31,9 +32,11 @@ def create_context(device: int | None = None, driver: str | None = None) -> mode
     """
     if driver is not None:
         os.environ["GALLIUM_DRIVER"] = driver
-    options = {} if device is None else {"device_index": device}
+    options: dict[str, Any] = {"standalone": True, "backend": "egl", "require": _REQUIRED_VERSION}
+    if device is not None:
+        options["device_index"] = device
     try:
-        return moderngl.create_context(standalone=True, backend="egl", require=_REQUIRED_VERSION, **options)
+        return moderngl.create_context(**options)
     except Exception as error:
         # glcontext raises bare Exceptions of many texts; all of them mean that there is no context to be had.
         raise GLUnavailableError(

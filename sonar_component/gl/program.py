@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from importlib.resources import files
+from typing import Any
 
 import moderngl
 
@@ -27,7 +28,8 @@ def load_source(package: str, name: str, defines: Mapping[str, object]) -> str:
 
 
 def _strip_unused(lines: list[str], defines: Mapping[str, object]) -> list[str]:
-    kept, stack = [], []
+    kept: list[tuple[int, str]] = []
+    stack: list[bool] = []
     for number, line in enumerate(lines, start=2):
         match = re.match(r"\s*#(ifdef|ifndef|else|endif)\s*(\w*)", line)
         if match is None:
@@ -39,7 +41,8 @@ def _strip_unused(lines: list[str], defines: Mapping[str, object]) -> list[str]:
             stack[-1] = not stack[-1]
         else:
             stack.append((match[2] in defines) == (match[1] == "ifdef"))
-    out, expected = [], None
+    out: list[str] = []
+    expected = None
     for number, line in kept:
         if number != expected:
             out.append(f"#line {number}")
@@ -50,8 +53,8 @@ def _strip_unused(lines: list[str], defines: Mapping[str, object]) -> list[str]:
 
 def load_program(
     context: moderngl.Context, package: str, defines: Mapping[str, object] | None = None, **stages: str
-) -> moderngl.Program:
-    """Compile and link a program.
+) -> Any:
+    """Compile and link a program: a moderngl.Program, or a moderngl.ComputeShader.
 
     Parameters
     ----------
@@ -71,6 +74,15 @@ def load_program(
     try:
         if "compute_shader" in sources:
             return context.compute_shader(sources["compute_shader"])
-        return context.program(**sources)
+        return context.program(vertex_shader=sources["vertex_shader"], fragment_shader=sources.get("fragment_shader"))
     except moderngl.Error as error:
         raise ShaderError(f"{', '.join(stages.values())}: {error}") from None
+
+
+def set_uniforms(program: Any, **values: Any) -> None:
+    """Set uniforms by name: bytes as they are, numbers and tuples as values."""
+    for name, value in values.items():
+        if isinstance(value, bytes):
+            program[name].write(value)
+        else:
+            program[name].value = value

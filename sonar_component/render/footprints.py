@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_component.gl import Target, load_program
+from sonar_component.gl import Target, load_program, set_uniforms
 from sonar_component.render import tiles
 from sonar_component.render.geometry import Geometry
 from sonar_component.render.layout import Block, Layout
@@ -60,19 +60,20 @@ class FootprintRenderer:
         self._target.clear()
         if self.geometry.empty:
             return self._target
-        assert self._program is not None and self._array is not None
+        assert self._program is not None
+        assert self._array is not None
         centres = self.geometry.place(X_WS)
         self._set_uniforms(layout, optics)
         self._context.enable_only(moderngl.DEPTH_TEST)
         far = _DRAWN_BEYOND * optics.range_max
         chosen = [self._visible(block, layout, centres, far) for block in layout.blocks]
-        self._send_commands(np.concatenate(chosen))
+        commands = self._send_commands(np.concatenate(chosen))
         first = 0
         for block, visible in zip(layout.blocks, chosen, strict=True):
             if visible.size:
                 self._target.framebuffer.viewport = (block.first_column, 0, block.columns, layout.rows)
-                self._program["X_DS"].write(projection(block, layout.rows, near_plane(optics), far))
-                self._array.render_indirect(self._indirect, count=visible.size, first=first)
+                set_uniforms(self._program, X_DS=projection(block, layout.rows, near_plane(optics), far))
+                self._array.render_indirect(commands, count=visible.size, first=first)
             first += visible.size
         return self._target
 
@@ -81,7 +82,7 @@ class FootprintRenderer:
         mask = tiles.seen(centres, self.geometry.tile_radius, block.azimuth, block.half_width, tangent_up, far)
         return np.flatnonzero(mask)
 
-    def _send_commands(self, visible: NDArray[np.intp]) -> None:
+    def _send_commands(self, visible: NDArray[np.intp]) -> moderngl.Buffer:
         data = self.geometry.commands(visible)
         if self._indirect is None or self._indirect.size < data.nbytes:
             if self._indirect is not None:
@@ -89,6 +90,7 @@ class FootprintRenderer:
             self._indirect = self._context.buffer(reserve=max(4096, 2 * data.nbytes))
         if data.size:
             self._indirect.write(data.tobytes())
+        return self._indirect
 
     def _set_uniforms(self, layout: Layout, optics: Optics) -> None:
         assert self._program is not None
@@ -101,11 +103,10 @@ class FootprintRenderer:
             values["sigmoid_slope"], values["sigmoid_centre"] = optics.sigmoid
         if optics.attenuation:
             values["attenuation"] = optics.attenuation
-        for name, value in values.items():
-            self._program[name].value = value
+        set_uniforms(self._program, **values)
         if self.geometry.normal_maps is not None:
             self.geometry.normal_maps.use(0)
-            self._program["normal_maps"].value = 0
+            set_uniforms(self._program, normal_maps=0)
 
     def _prepare(self, layout: Layout, optics: Optics) -> None:
         components = 4 if optics.truth else 2
@@ -124,7 +125,7 @@ class FootprintRenderer:
             )
             self._array = None
         if self._array is None:
-            self._array = self._bind(self._program)
+            self._array = self._bind(self._program, optics)
 
     def features(self, optics: Optics) -> dict[str, object]:
         """#defines of the features in use."""
@@ -140,11 +141,18 @@ class FootprintRenderer:
         """The geometry has new buffers: bind them before the next draw."""
         self._array = None
 
-    def _bind(self, program: moderngl.Program) -> moderngl.VertexArray:
+    def _bind(self, program: moderngl.Program, optics: Optics) -> moderngl.VertexArray:
         layout, names = "3f 3f", ["in_position", "in_normal"]
         if self.geometry.has_normal_maps:
             layout, names = layout + " 2f", [*names, "in_uv"]
-        content = [(self.geometry.vertices, layout, *names), (self.geometry.part_of_tile, "1u/i", "in_part")]
+        instanced = ["4f", "4f", "4f", "1f", "1u" if optics.truth else "4x"]
+        instanced.append("1u" if self.geometry.has_normal_maps else "4x")
+        of_instance = ["in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance"]
+        of_instance += ["in_id"] * optics.truth + ["in_texture_layer"] * self.geometry.has_normal_maps
+        content = [
+            (self.geometry.vertices, layout, *names),
+            (self.geometry.instances, " ".join(instanced) + "/i", *of_instance),
+        ]
         return self._context.vertex_array(program, content, index_buffer=self.geometry.indices, index_element_size=4)
 
 

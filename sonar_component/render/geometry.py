@@ -14,8 +14,8 @@ from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
 
-_PART = np.dtype(
-    [("X_SM", np.float32, (3, 4)), ("reflectance", np.float32), ("id", np.uint32), ("texture_layer", np.uint32), ("_", np.uint32)]
+_INSTANCE = np.dtype(
+    [("X_SM", np.float32, (3, 4)), ("reflectance", np.float32), ("id", np.uint32), ("texture_layer", np.uint32)]
 )
 _GRID = 2.0**20  # [1/m]: see _relative
 
@@ -52,9 +52,8 @@ class Geometry:
         self.has_normal_maps = False
         self.vertices: moderngl.Buffer | None = None
         self.indices: moderngl.Buffer | None = None
-        self.part_of_tile: moderngl.Buffer | None = None
+        self.instances: moderngl.Buffer | None = None
         self.normal_maps: moderngl.TextureArray | None = None
-        self._parts_buffer: moderngl.Buffer | None = None
 
     @property
     def empty(self) -> bool:
@@ -85,13 +84,11 @@ class Geometry:
         assert self._world is not None
         bodies = list(self._world.bodies.values())
         X_WB = np.array([body.X_WB for body in bodies]).reshape(-1, 4, 4)[self._part_body]
-        X_SM = _relative(X_WS, X_WB) @ self._X_BM
-        self._parts["X_SM"] = X_SM[:, :3, :]
-        if self._parts_buffer is not None:
-            self._parts_buffer.write(self._parts.tobytes())
-            self._parts_buffer.bind_to_storage_buffer(0)
-        X = X_SM[self._tile_part]
-        return np.asarray(np.einsum("tij,tj->ti", X[:, :3, :3], self._tile_centre) + X[:, :3, 3])
+        X_SM = (_relative(X_WS, X_WB) @ self._X_BM)[self._tile_part]
+        self._instances["X_SM"] = X_SM[:, :3, :]
+        assert self.instances is not None
+        self.instances.write(self._instances)
+        return np.asarray((X_SM[:, :3, :3] @ self._tile_centre[:, :, None])[:, :, 0] + X_SM[:, :3, 3])
 
     def commands(self, visible: NDArray[np.intp]) -> NDArray[np.uint32]:
         """(n, 5) uint32: indirect draw commands of the tiles with these indices."""
@@ -106,7 +103,8 @@ class Geometry:
         self.release()
         place: dict[int, int] = {}
         meshes: list[Mesh] = []
-        parts, part_body, X_BM, tile_list = [], [], [], []
+        parts: list[tuple[Array, float, int, int]] = []
+        part_body, X_BM, tile_list = [], [], []
         split: dict[int, list[tuple[int, int, Array, float]]] = {}
         first_index = base_vertex = 0
         index_chunks: list[NDArray[np.int32]] = []
@@ -137,15 +135,15 @@ class Geometry:
                     layer = maps[id(image)]
                 for first, count, centre, radius in split[key]:
                     tile_list.append(_Tile(len(parts), first, count, bases[key], centre, radius))
-                parts.append((np.zeros((3, 4)), part.material.reflectance, body_index + 1, layer, 0))
+                parts.append((np.zeros((3, 4)), part.material.reflectance, body_index + 1, layer))
                 part_body.append(body_index)
                 X_BM.append(part.X_BM)
         self.body_names = list(world.bodies)
         self.reflectance_max = max((float(p[1]) for p in parts), default=1.0)
-        self._parts = np.array(parts, _PART) if parts else np.zeros(0, _PART)
         self._part_body = np.array(part_body, np.intp)
         self._X_BM = np.array(X_BM, np.float64).reshape(-1, 4, 4)
         self._tile_part = np.array([t.part for t in tile_list], np.intp)
+        self._instances = np.array(parts, _INSTANCE)[self._tile_part]
         self._tile_centre = np.array([t.centre for t in tile_list], np.float64).reshape(-1, 3)
         self._tile_radius = np.array([t.radius for t in tile_list], np.float64)
         self._commands = np.array(
@@ -155,9 +153,7 @@ class Geometry:
         if tile_list:
             self._upload(meshes, index_chunks, map_images)
 
-    def _upload(
-        self, meshes: list[Mesh], index_chunks: list[NDArray[np.int32]], maps: list[NDArray[np.uint8]]
-    ) -> None:
+    def _upload(self, meshes: list[Mesh], index_chunks: list[NDArray[np.int32]], maps: list[NDArray[np.uint8]]) -> None:
         columns = [np.concatenate([m.vertices.astype(np.float32) for m in meshes])]
         columns.append(np.concatenate([m.normals.astype(np.float32) for m in meshes]))
         if maps:
@@ -165,24 +161,23 @@ class Geometry:
             columns.append(np.concatenate(none).astype(np.float32))
         self.vertices = self._context.buffer(np.ascontiguousarray(np.hstack(columns)).tobytes())
         self.indices = self._context.buffer(np.concatenate(index_chunks).astype(np.uint32).tobytes())
-        self.part_of_tile = self._context.buffer(self._tile_part.astype(np.uint32).tobytes())
-        self._parts_buffer = self._context.buffer(reserve=self._parts.nbytes)
+        self.instances = self._context.buffer(reserve=self._instances.nbytes, dynamic=True)
         if maps:
             self.normal_maps = _texture_array(self._context, maps)
 
     def release(self) -> None:
         """Give the GPU memory back."""
-        for thing in (self.vertices, self.indices, self.part_of_tile, self._parts_buffer, self.normal_maps):
+        for thing in (self.vertices, self.indices, self.instances, self.normal_maps):
             if thing is not None:
                 thing.release()
-        self.vertices = self.indices = self.part_of_tile = self._parts_buffer = self.normal_maps = None
+        self.vertices = self.indices = self.instances = self.normal_maps = None
 
 
 def _relative(X_WS: Array, X_WB: Array) -> Array:
     """Poses of bodies in the sonar's frame, (n, 4, 4) float64.
 
-    The difference of the two positions is rounded to 2^-20 m, a micrometre. Far from the origin (UTM coordinates) float64
-    itself is only good to a nanometre; rounding away that residue gives the same bits there as at the origin.
+    The difference of the two positions is rounded to 2^-20 m, a micrometre. Far from the origin (UTM coordinates)
+    float64 itself is only good to a nanometre; rounding away that residue gives the same bits there as at the origin.
     """
     X_SB = np.zeros_like(X_WB)
     R_SW = X_WS[:3, :3].T
@@ -197,7 +192,8 @@ def _texture_array(context: moderngl.Context, maps: list[NDArray[np.uint8]]) -> 
     """All normal maps at the size of the largest, wrapped, with mipmaps."""
     height, width = (max(image.shape[axis] for image in maps) for axis in (0, 1))
     layers = [_resized(image, height, width)[::-1] for image in maps]  # OpenGL's first row is the lowest
-    texture = context.texture_array((width, height, len(maps)), 3, np.ascontiguousarray(np.stack(layers)).tobytes(), alignment=1)
+    data = np.ascontiguousarray(np.stack(layers)).tobytes()
+    texture = context.texture_array((width, height, len(maps)), 3, data, alignment=1)
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.build_mipmaps()
     return texture

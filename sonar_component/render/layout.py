@@ -97,7 +97,7 @@ class Layout:
 
 
 def _column_centres(block: Block) -> Array:
-    return block.x_left + (np.arange(block.columns) + 0.5) * block.x_step
+    return block.x_left + (np.arange(block.columns, dtype=np.float64) + 0.5) * block.x_step
 
 
 def build_layout(
@@ -125,7 +125,7 @@ def build_layout(
     y_step = 2 * np.tan(half_height) / rows
     y_top = np.tan(half_height) / np.cos(half)
     total_rows = int(np.ceil(2 * y_top / y_step - 1e-9)) + (phases > 1)
-    blocks = []
+    blocks: list[Block] = []
     for view in range(views):
         azimuth = left - half * (2 * view + 1)
         for phase, shift in enumerate(_PHASE_SHIFTS[phases]):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-TILE_FACES = 2048  # [-], triangles per tile at most
+TILE_FACES = 1024  # [-], triangles per tile at most
+_HUGE = 0.25  # [-], of the mesh's longest side: a triangle larger than this is kept apart
 
 
 def split(vertices: Array, faces: NDArray[np.int32]) -> list[NDArray[np.int32]]:
@@ -27,8 +28,13 @@ def split(vertices: Array, faces: NDArray[np.int32]) -> list[NDArray[np.int32]]:
     list of (k,) int32
         Indices of the faces of each tile.
     """
-    centres = vertices[faces].mean(axis=1)
-    tiles, waiting = [], [np.arange(len(faces), dtype=np.int32)]
+    corners = vertices[faces]
+    centres = corners.mean(axis=1)
+    size = np.ptp(corners, axis=1).max(axis=1)
+    # A few huge triangles (a floor of two) would stretch the tiles of all their neighbours over everything.
+    huge = size > _HUGE * np.ptp(vertices, axis=0).max()
+    waiting = [np.flatnonzero(group).astype(np.int32) for group in (huge, ~huge) if group.any()]
+    tiles = []
     while waiting:
         chosen = waiting.pop()
         if len(chosen) <= TILE_FACES:

@@ -1,1 +1,1 @@
-
+"""Whole pings: world, pose and settings to a Sonar sample."""

@@ -20,7 +20,7 @@ in vec3 p_S;
 in vec3 n_S;
 flat in float reflectance;
 #ifdef TRUTH
-flat in uint part_id;
+flat in uint body_id;
 #endif
 #ifdef NORMAL_MAP
 in vec2 uv;
@@ -73,7 +73,7 @@ void main() {
     uint sign_bit = along < 0.0 ? 0x80000000u : 0u;
     uint code = strength_bits | (extent_bits << 16) | sign_bit;
 #ifdef TRUTH
-    sample_bits = uvec4(floatBitsToUint(range), code, part_id, 0u);
+    sample_bits = uvec4(floatBitsToUint(range), code, body_id, 0u);
 #else
     sample_bits = uvec2(floatBitsToUint(range), code);
 #endif

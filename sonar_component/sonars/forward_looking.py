@@ -1,0 +1,114 @@
+"""One ping of a forward-looking sonar, from world and pose to a Sonar sample: each step is one room."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from sonar_component.echo.assignment import assign
+from sonar_component.echo.binning import Scale, bin_footprints
+from sonar_component.render.footprints import FootprintRenderer, Optics, strength_max
+from sonar_component.render.layout import build_layout
+from sonar_component.samples import RigidBodyState, Sonar
+from sonar_component.scene.world import World
+from sonar_component.sonars.plan import Plan, make_plan
+from sonar_component.sonars.settings import ForwardLookingSettings
+
+
+class ForwardLookingSonar:
+    """Renders pings; keeps its GL program, target and tables between them.
+
+    Use it on the thread that made the context. Assign ``settings`` to change any of them from the next ping on.
+    """
+
+    def __init__(self, context: moderngl.Context, settings: ForwardLookingSettings | None = None) -> None:
+        self._renderer = FootprintRenderer(context)
+        self._pool = ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "binning")
+        self.settings = settings or ForwardLookingSettings()
+
+    @property
+    def settings(self) -> ForwardLookingSettings:
+        """Settings in force."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: ForwardLookingSettings) -> None:
+        self._settings = settings
+        self._beams = settings.beam_table()
+        self.plan: Plan = make_plan(self._beams, settings.accuracy)
+        right, left = float(self._beams.right.min()), float(self._beams.left.max())
+        self._layout = build_layout(
+            right, left, self._beams.half_height, self.plan.column_width, self.plan.rows, self.plan.phases
+        )
+        self._assignment = assign(self._beams, self._layout.right, self._layout.left)
+        self._solid_angle = self._beams.solid_angle
+
+    def ping(self, world: World, pose: RigidBodyState, rng: np.random.Generator | None = None) -> Sonar:
+        """Render one ping.
+
+        Parameters
+        ----------
+        world : World
+        pose : RigidBodyState
+            Of the sonar in the world; its time becomes the sample's.
+        rng : numpy Generator, optional
+            Where speckle comes from; None leaves the image clean.
+
+        Raises
+        ------
+        ValueError
+            If the pose is not finite or not a rotation.
+        """
+        pose.validate()
+        return self._sample(self.bins(world, pose.transform()), pose)
+
+    def bins(self, world: World, X_WS: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Clean echo strengths, gain applied.
+
+        Parameters
+        ----------
+        X_WS : (4, 4) float64
+            Pose of the sonar in the world [m].
+
+        Returns
+        -------
+        (beams, bins) float32
+        """
+        s = self._settings
+        if self._renderer.geometry.update(world):
+            self._renderer.geometry_changed()
+        attenuation = s.attenuation_properties.nepers_per_metre() if s.enable_attenuation else 0.0
+        optics = Optics(s.range, s.range / s.bin_count, s.sigmoid, attenuation)
+        pixels = self._renderer.draw(X_WS, self._layout, optics).read()
+        greatest = strength_max(optics, self._renderer.geometry.reflectance_max)
+        scale = Scale(s.bin_count, s.range, s.min_range, greatest, s.normalization == "mean")
+        bins, _ = bin_footprints(pixels, self._layout, self._assignment, self._solid_angle, scale, self._pool)
+        return with_gain(bins, s.gain)
+
+    def _sample(self, bins: NDArray[np.float32], pose: RigidBodyState) -> Sonar:
+        s = self._settings
+        return Sonar(
+            time=pose.time,
+            bin_duration=s.range / s.bin_count / s.speed_of_sound,
+            beam_width=s.beam_width,
+            beam_height=s.beam_height,
+            bearings=self._beams.bearings,
+            speed_of_sound=s.speed_of_sound,
+            bin_count=s.bin_count,
+            beam_count=len(bins),
+            bins=bins,
+            frame=s.frame,
+            sensor_position=np.array(pose.position, np.float64),
+            sensor_orientation=np.array(pose.orientation, np.float64),
+        )
+
+
+def with_gain(bins: NDArray[np.float32], gain: float) -> NDArray[np.float32]:
+    """Rock's gain: 0.5 is unity, and what exceeds full scale is clipped to 1. Works in place."""
+    if gain != 0.5:
+        bins *= np.float32(2 * gain)
+    return np.minimum(bins, np.float32(1.0), out=bins)
