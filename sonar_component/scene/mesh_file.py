@@ -18,6 +18,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from sonar_component.scene.body import Part
+from sonar_component.scene.gltf_file import readable_gltf
 from sonar_component.scene.material import Material
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.surface import Surface, to_mesh
@@ -36,7 +37,7 @@ UP = {
     "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
 }
 _HEAD_BYTES = 1 << 16  # [B], a COLLADA asset block stands at the top
-_ROTATION_TOLERANCE = 1e-9  # [-], what products of float64 matrices leave
+_ROTATION_TOLERANCE = 1e-5  # [-], what products of the float32 matrices of a glTF leave
 
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its complaints come back as our errors, with the file's name
 
@@ -73,7 +74,7 @@ def read_mesh_file(path: Path, options: MeshOptions | None = None) -> tuple[list
     options = options or MeshOptions()
     _check(path)
     X_FM, warnings = _file_frame(path, options)
-    scene = _load(path)
+    scene = _load(path, warnings)
     parts: list[Part] = []
     made: dict[tuple[str, bytes], tuple[Mesh, NDArray[np.float64]]] = {}
     materials: dict[int, Material] = {}
@@ -90,7 +91,9 @@ def read_mesh_file(path: Path, options: MeshOptions | None = None) -> tuple[list
             made[key] = _mesh_of(name, geometry, bake, path, warnings)
         mesh, offset = made[key]
         X[:3, 3] += X[:3, :3] @ offset
-        parts.append(Part(mesh, material_of(geometry, path, materials, warnings), X, str(node)))
+        material = material_of(geometry, path, materials, warnings)
+        # trimesh names the objects of an OBJ "object_material".
+        parts.append(Part(mesh, material, X, str(node).removesuffix(f"_{material.name}")))
     if not parts:
         raise SettingsError("has no faces: nothing in it can be seen by a sonar", str(path))
     return parts, [f"{path.name}: {line}" for line in warnings]
@@ -102,7 +105,9 @@ def split_rigid(X: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     rigid = np.eye(4)
     rigid[:3, 3] = X[:3, 3]
     if np.abs(A @ A.T - np.eye(3)).max() < _ROTATION_TOLERANCE and np.linalg.det(A) > 0:
-        rigid[:3, :3] = A
+        u, _, v = np.linalg.svd(A)
+        # The nearest rotation; exact quarter turns stay exact.
+        rigid[:3, :3] = A if np.array_equal(A, np.rint(A)) else u @ v
         return rigid, np.eye(3)
     return rigid, np.array(A)
 
@@ -151,16 +156,21 @@ def _check(path: Path) -> None:
         raise SettingsError(f"is too large: at most {MAX_BYTES >> 20} MiB, got {size >> 20} MiB", str(path))
 
 
-def _load(path: Path) -> Any:
-    options = {"split_objects": True, "split_groups": True} if path.suffix.lower() == ".obj" else {}
+def _load(path: Path, warnings: list[str]) -> Any:
+    kind = path.suffix[1:].lower()
+    options: dict[str, Any] = {"split_objects": True, "split_groups": True} if kind == "obj" else {}
     try:
+        if kind in ("glb", "gltf"):
+            source, notes = readable_gltf(path)
+            warnings.extend(notes)
+            options |= {"file_type": kind, "resolver": trimesh.resolvers.FilePathResolver(str(path))}
+            return trimesh.load_scene(source, process=False, **options)
         return trimesh.load_scene(path, process=False, **options)
     except MemoryError:
         raise SettingsError("needs more memory than there is", str(path)) from None
     except Exception as error:  # the readers below trimesh raise whatever a broken file makes them stumble over
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        kind = path.suffix[1:].upper()
-        raise SettingsError(f"is not a readable {kind} file: {reason}", str(path)) from None
+        raise SettingsError(f"is not a readable {kind.upper()} file: {reason}", str(path)) from None
 
 
 def _file_frame(path: Path, options: MeshOptions) -> tuple[NDArray[np.float64], list[str]]:
@@ -179,7 +189,7 @@ def _file_frame(path: Path, options: MeshOptions) -> tuple[NDArray[np.float64], 
 
 
 def _collada_frame(path: Path) -> tuple[float, str]:
-    head = path.open("rb").read(_HEAD_BYTES)
+    head = _head(path)
     if b"<!DOCTYPE" in head or b"<!ENTITY" in head:
         raise SettingsError("holds a document type or entities, which are not read because they can explode", str(path))
     up = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", head)
@@ -196,4 +206,9 @@ def _collada_frame(path: Path) -> tuple[float, str]:
 
 def _made_by_others(path: Path) -> bool:
     """Tell whether a glTF comes from a tool that may have turned it Y up; trimesh writes coordinates as they are."""
-    return b"mikedh/trimesh" not in path.open("rb").read(_HEAD_BYTES)
+    return b"mikedh/trimesh" not in _head(path)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD_BYTES)

@@ -86,11 +86,12 @@ class _Reader:
     def _chosen(self, key: tuple[str, ...], choice: str | MaterialSettings) -> Material:
         if isinstance(choice, MaterialSettings):
             return self._material(key[-1] if key[-2] == "materials" else key[1], choice)
-        if choice not in self.materials:
-            known = self.settings.materials
+        known = self.settings.materials
+        if choice not in known:
             hint = suggest(choice, known) or f"; materials: {', '.join(known) or 'none'}"
             raise self.document.error(key, f'no material "{choice}" in this file{hint}')
-        return self.materials[choice]
+        # One that could not be read has been told already; a stand-in lets the rest be checked.
+        return self.materials.get(choice) or Material(choice)
 
     def _body(self, name: str, settings: BodySettings) -> Body:
         parts = self._parts(name, settings)
