@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import msgpack
@@ -142,7 +143,25 @@ def decode(schema: Schema, header: dict[str, Any], buffers: Sequence[Any]) -> An
                 values[field.name] = _as_declared(field, arrays[field.name])
         elif field.name in body:
             values[field.name] = _scalar(field, body[field.name])
-    return schema.cls(**values)
+    try:
+        return schema.cls(**values)
+    except TypeError:  # a field without a default is missing
+        missing = ", ".join(field.name for field in schema.fields if field.name not in values)
+        raise WireError(f"{schema.name} lacks {missing}") from None
+
+
+def decode_untyped(header: dict[str, Any], buffers: Sequence[Any]) -> SimpleNamespace:
+    """Rebuild a sample whose type is not installed here, as a namespace of its fields.
+
+    Raises
+    ------
+    WireError
+        If sizes do not fit.
+    """
+    body, arrays = header.get("body"), _arrays(header.get("arr"), buffers)
+    if not isinstance(body, dict) or not all(type(key) is str for key in body):
+        raise WireError("header field 'body' must be a map with text keys")
+    return SimpleNamespace(**body, **{name: array for name, array in arrays.items() if name not in body})
 
 
 def _scalar(field: Field, value: Any) -> Any:

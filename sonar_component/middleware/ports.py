@@ -104,13 +104,21 @@ class InputPort(_Port, Generic[T]):
     ----------
     sample_type : dataclass that arrives.
     required : ``check`` refuses a deployment that leaves it unconnected.
+    automatic : where a deployment leaves it unconnected and one port alone gives that type, it is connected to that
+        one: for what there is one of, such as the world.
     """
 
     def __init__(
-        self, sample_type: type[T], *, doc: str = "", required: bool = False, max_bytes: int = MAX_FRAME_BYTES
+        self,
+        sample_type: type[T],
+        *,
+        doc: str = "",
+        required: bool = False,
+        automatic: bool = False,
+        max_bytes: int = MAX_FRAME_BYTES,
     ) -> None:
         super().__init__(sample_type, doc=doc, max_bytes=max_bytes)
-        self.required = required
+        self.required, self.automatic = required, automatic
 
     def _reset(self) -> None:
         self.connections: list[Connection] = []

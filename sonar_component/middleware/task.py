@@ -150,6 +150,10 @@ class Task:
     def property_hook(self, name: str, value: Any) -> None:
         """A dynamic property is about to change; raise ValueError to refuse, and the old value stays."""
 
+    def upstream_restarted(self, source: str) -> None:
+        """The task behind an input port has begun anew; called from another thread, so only note it."""
+        self.log.warning("%s restarted", source)
+
     @classmethod
     def check(cls, properties: Any, beside: str | Path | None) -> list[tuple[str, str]]:
         """What is wrong with valid-looking properties, without starting anything: (property, message) each.
@@ -226,6 +230,11 @@ class Task:
         except Exception as error:
             self.log.exception("update failed")
             self.lifecycle.do(Command.EXCEPTION, explain(error))
+
+    def watch(self) -> None:
+        """Look for stale inputs without an update: for a task that waits and nothing comes."""
+        if self.lifecycle.state is State.RUNNING:
+            self._stale()
 
     def _stale(self) -> bool:
         for port in self.inputs.values():

@@ -1,0 +1,98 @@
+"""`sonar run` and `sonar check`: a deployment, started or only looked at."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verbs."""
+    app.command("run")(run)
+    app.command("check")(check)
+
+
+def run(
+    deployment: Path = typer.Argument(..., help="Deployment YAML."),
+    seconds: float | None = typer.Option(None, min=0.0, help="Stop after this many seconds, with exit code 0."),
+    settings: list[str] = typer.Option([], "--set", metavar="TASK.PROPERTY=VALUE", help="Overrides the file."),
+    name: str | None = typer.Option(None, help="Name of this instance; the file's own otherwise."),
+    host: str = typer.Option("", help="Run only the tasks of this host."),
+) -> None:
+    """Run a deployment until Ctrl-C."""
+    from sonar_component.middleware.deployment import check_deployment
+    from sonar_component.middleware.supervisor import Supervisor
+    from sonar_component.settings.paths import find_file
+
+    plan = check_deployment(find_file(deployment), overrides(settings), name)
+    raise typer.Exit(Supervisor(plan, _print_event, host).run(seconds))
+
+
+def check(
+    files: list[Path] = typer.Argument(..., help="Deployment YAML files."),
+    as_json: bool = typer.Option(False, "--json", help="Print what each deployment comes to."),
+) -> None:
+    """Find every mistake of deployments without starting anything."""
+    from sonar_component.middleware.deployment import check_deployment
+    from sonar_component.settings.errors import SettingsError
+    from sonar_component.settings.paths import find_file
+
+    wrong = False
+    for file in files:
+        try:
+            plan = check_deployment(find_file(file))
+        except SettingsError as error:
+            print(error, file=sys.stderr)
+            wrong = True
+            continue
+        if as_json:
+            print(plan.to_json())
+        else:
+            processes = {task.process for task in plan.tasks}
+            tasks, lines = len(plan.tasks), len(plan.connections)
+            print(f"{file}: good: {tasks} tasks in {len(processes)} processes, {lines} connections")
+    if wrong:
+        raise typer.Exit(2)
+
+
+def overrides(settings: list[str]) -> dict[str, dict[str, Any]]:
+    """``task.property=value`` texts as task -> property -> value; values are read as in YAML.
+
+    Raises
+    ------
+    SettingsError
+        If one has not that form.
+    """
+    from sonar_component.settings.errors import SettingsError
+
+    found: dict[str, dict[str, Any]] = {}
+    for text in settings:
+        target, equals, value = text.partition("=")
+        task, dot, key = target.partition(".")
+        if not (equals and dot and task and key):
+            raise SettingsError(f"--set: must be TASK.PROPERTY=VALUE, got {text!r}")
+        found.setdefault(task, {})[key] = parse_value(value)
+    return found
+
+
+def parse_value(text: str) -> Any:
+    """A value as it would stand in a deployment file."""
+    from sonar_component.settings.loader import load_yaml
+
+    return load_yaml("--set", text).data
+
+
+def _print_event(line: str) -> None:
+    print(f"{time.strftime('%H:%M:%S')} {line}", flush=True)
+
+
+def print_json(value: Any) -> None:
+    """One JSON document on one line."""
+    from sonar_component.middleware.transport.control import plain
+
+    print(json.dumps(value, default=plain))

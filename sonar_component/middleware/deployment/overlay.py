@@ -1,0 +1,104 @@
+"""A task's properties: config files laid over each other from left to right, then ``properties``.
+
+    config: [sonar.yaml, default, long_range]
+
+A file holds properties at its top level, or named ``sections``; words that are no file names choose sections of the
+file before them, ``default`` where none is chosen.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import ValidationError
+
+from sonar_component.middleware.task import Task, explain_property
+from sonar_component.settings.errors import SettingsError, SettingsErrors, suggest
+from sonar_component.settings.loader import Document, KeyPath, load_yaml
+from sonar_component.settings.paths import find_file
+
+Origin = tuple[Document, KeyPath]
+
+
+def task_properties(document: Document, task: str, config: list[str], task_class: type[Task]) -> dict[str, Any]:
+    """The merged and checked properties of one task, as they were written.
+
+    Raises
+    ------
+    SettingsErrors
+        Every mistake, at the place where the value stands that counts.
+    """
+    values: dict[str, Any] = {}
+    origins: dict[str, Origin] = {}
+    for layer, at in _layers(document, task, config):
+        for key, value in (layer.at(at) or {}).items():
+            values[key], origins[key] = value, (layer, (*at, key))
+    here: Origin = (document, ("tasks", task, "properties"))
+    try:
+        model = task_class.Properties.model_validate(values)
+    except ValidationError as error:
+        items = error.errors()
+        raise SettingsErrors([_place(item, task_class, origins, here) for item in items]) from None
+    wrong = task_class.check(model, document.file)
+    if wrong:
+        raise SettingsErrors([_at(origins.get(key, here), f"{message}") for key, message in wrong])
+    return values
+
+
+def _layers(document: Document, task: str, config: list[str]) -> list[Origin]:
+    layers: list[Origin] = []
+    opened: Document | None = None
+    chosen = False
+    for index, word in enumerate(config):
+        place: KeyPath = ("tasks", task, "config", index)
+        if word.endswith((".yaml", ".yml")):
+            layers += _default_section(opened, chosen)
+            opened, chosen = _open(document, place, word), False
+        elif opened is None:
+            raise document.error(place, f"must be a .yaml file before its sections, got {word!r}")
+        else:
+            layers.append(_section(document, place, opened, word))
+            chosen = True
+    return [*layers, *_default_section(opened, chosen), (document, ("tasks", task, "properties"))]
+
+
+def _open(document: Document, place: KeyPath, word: str) -> Document:
+    try:
+        opened = load_yaml(find_file(word, document.file))
+    except SettingsError as error:
+        if error.line is not None:
+            raise
+        raise document.error(place, f"{word}: {error.message}") from None
+    if not isinstance(opened.data, dict):
+        raise opened.error((), "must be a mapping of properties to values")
+    return opened
+
+
+def _default_section(opened: Document | None, chosen: bool) -> list[Origin]:
+    if opened is None or chosen:
+        return []
+    if "sections" not in opened.data:
+        return [(opened, ())]
+    return [(opened, ("sections", "default"))] if "default" in opened.data["sections"] else []
+
+
+def _section(document: Document, place: KeyPath, opened: Document, word: str) -> Origin:
+    sections = opened.data.get("sections", {})
+    if word not in sections:
+        known = ", ".join(sections) or "none"
+        raise document.error(place, f"{opened.file} has no section {word!r}{suggest(word, sections)}; it has: {known}")
+    return opened, ("sections", word)
+
+
+def _place(item: Any, task_class: type[Task], origins: dict[str, Origin], here: Origin) -> SettingsError:
+    location = item["loc"]
+    message = explain_property(task_class.Properties, item)
+    if not location:
+        return _at(here, message)
+    layer, at = origins.get(str(location[0]), (here[0], (*here[1], location[0])))
+    return _at((layer, (*at, *location[1:])), message.removeprefix(".".join(map(str, location))).lstrip(": "))
+
+
+def _at(origin: Origin, message: str) -> SettingsError:
+    document, path = origin
+    return document.error(path, message)

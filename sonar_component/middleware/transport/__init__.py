@@ -1,0 +1,1 @@
+"""What carries samples between processes: ZeroMQ sockets, their owner thread and their limits."""

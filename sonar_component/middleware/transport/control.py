@@ -1,0 +1,164 @@
+"""Questions to a process: one ROUTER, requests and answers as msgpack maps.
+
+A request is [empty frame, map] as a REQ socket sends it: ``{"id": 1, "op": "get", "task": "fls", ...}``; the answer
+has the same id and either ``result`` or ``error``.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+import msgpack
+import zmq
+
+from sonar_component.middleware.transport.loop import Loop
+from sonar_component.middleware.transport.sockets import MAX_REQUEST_BYTES, Socket, open_socket
+
+_log = logging.getLogger("transport")
+Answer = Callable[[dict[str, Any]], Any]
+
+
+class ControlServer:
+    """Answers requests; an answer may be a Future, which is waited for elsewhere.
+
+    Attributes
+    ----------
+    rejected : messages that are no requests, by reason.
+    """
+
+    def __init__(self, context: zmq.Context[Any], endpoints: list[str], loop: Loop, answer: Answer) -> None:
+        self._socket: Socket = open_socket(context, zmq.ROUTER, MAX_REQUEST_BYTES)
+        for endpoint in endpoints:
+            self._socket.bind(endpoint)
+        self.fd = int(self._socket.getsockopt(zmq.FD))
+        self._loop, self._answer = loop, answer
+        self._lock = threading.Lock()
+        self.rejected: dict[str, int] = {}
+        loop.add(self)
+
+    def serve(self) -> None:
+        """Take all requests that have come."""
+        while True:
+            with self._lock:
+                if self._socket.closed:
+                    return
+                try:
+                    frames = self._socket.recv_multipart(zmq.NOBLOCK)
+                except zmq.Again:
+                    return
+            self._request(frames)
+
+    def close(self) -> None:
+        """Close the socket."""
+        with self._lock:
+            self._socket.close()
+
+    def _request(self, frames: list[bytes]) -> None:
+        if len(frames) != 3 or frames[1]:
+            return self._reject("request must be an empty frame and a map")
+        try:
+            request = msgpack.unpackb(frames[2], strict_map_key=True)
+        except Exception:  # msgpack raises a dozen types for the same fact
+            return self._reject("request is not msgpack")
+        if not isinstance(request, dict) or not isinstance(request.get("op"), str):
+            return self._reject("request has no op")
+        peer, number = frames[0], request.get("id")
+        try:
+            result = self._answer(request)
+        except Exception as error:
+            return self._reply(peer, {"id": number, "error": str(error) or type(error).__name__})
+        if isinstance(result, Future):
+            result.add_done_callback(lambda done: self._loop.call(lambda: self._finish(peer, number, done)))
+            return None
+        return self._reply(peer, {"id": number, "result": result})
+
+    def _finish(self, peer: bytes, number: Any, done: Future[Any]) -> None:
+        error = done.exception()
+        if error is not None:
+            self._reply(peer, {"id": number, "error": str(error) or type(error).__name__})
+        else:
+            self._reply(peer, {"id": number, "result": done.result()})
+
+    def _reply(self, peer: bytes, answer: dict[str, Any]) -> None:
+        try:
+            packed = msgpack.packb(answer, default=plain)
+        except (TypeError, ValueError) as error:
+            packed = msgpack.packb({"id": answer.get("id"), "error": f"the result cannot be sent: {error}"})
+        with self._lock:
+            if not self._socket.closed:
+                try:
+                    self._socket.send_multipart([peer, b"", packed], zmq.NOBLOCK)
+                except zmq.ZMQError as error:
+                    _log.warning("answer could not be sent: %s", error)
+        self.serve_soon()
+
+    def serve_soon(self) -> None:
+        """Sending may have swallowed the sign of a new request."""
+        self._loop.call(self.serve)
+
+    def _reject(self, reason: str) -> None:
+        count = self.rejected[reason] = self.rejected.get(reason, 0) + 1
+        if count & (count - 1) == 0:
+            _log.warning("control: %s (%d times)", reason, count)
+
+
+class ControlClient:
+    """Asks one process; one request at a time, from one thread."""
+
+    def __init__(self, context: zmq.Context[Any], endpoint: str) -> None:
+        self._context, self._endpoint = context, endpoint
+        self._socket = self._open()
+        self._numbers = itertools.count(1)
+
+    def _open(self) -> Socket:
+        socket = open_socket(self._context, zmq.DEALER, MAX_REQUEST_BYTES << 4)
+        socket.connect(self._endpoint)
+        return socket
+
+    def ask(self, op: str, timeout: float = 2.0, **arguments: Any) -> Any:
+        """Send a request and wait for its answer.
+
+        Raises
+        ------
+        TimeoutError
+            If none comes in time.
+        RuntimeError
+            If the other side refuses; the text is its reason.
+        """
+        number = next(self._numbers)
+        request = msgpack.packb({"id": number, "op": op, **arguments}, default=plain)
+        self._socket.send_multipart([b"", request])
+        deadline = time.monotonic() + timeout
+        while (left := deadline - time.monotonic()) > 0:
+            if not self._socket.poll(int(left * 1000) + 1):
+                continue
+            answer = msgpack.unpackb(self._socket.recv_multipart()[-1])
+            if answer.get("id") != number:
+                continue  # the answer to a question we gave up on
+            if "error" in answer:
+                raise RuntimeError(answer["error"])
+            return answer.get("result")
+        raise TimeoutError(f"no answer to {op!r} within {timeout:g} s")
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def plain(value: Any) -> Any:
+    """For msgpack and JSON: numpy values, models and dataclasses as plain ones."""
+    if hasattr(value, "model_dump"):
+        return value.model_dump(mode="json")
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if hasattr(value, "__dataclass_fields__"):
+        return dict(vars(value))
+    if isinstance(value, (set, frozenset, tuple)):
+        return list(value)
+    return str(value)

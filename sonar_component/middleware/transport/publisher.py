@@ -1,0 +1,119 @@
+"""One XPUB per output port: its own queue, its own count of readers.
+
+A late joiner subscribes to the topic and to a name of its own choice, ``@`` and anything; the last sample is sent again
+under that name, to it alone. ZeroMQ's welcome message was the alternative: it carries one frame only, so every write
+would have to copy the whole sample into it in case somebody comes; this way nothing is done until somebody does.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from typing import Any
+
+import zmq
+
+from sonar_component.middleware.codec import ENVELOPE, encode
+from sonar_component.middleware.ports import OutputPort
+from sonar_component.middleware.transport.sockets import Socket
+
+RUN_ID = os.urandom(8).hex()  # of this process, in every header
+_NO_COPY_BYTES = 1 << 16  # from here on libzmq borrows the array instead of copying it (measured: 64 kB)
+_log = logging.getLogger("transport")
+
+
+class Publisher:
+    """Sends what a port writes, and knows who listens.
+
+    Attributes
+    ----------
+    rejected : subscription messages that no reader of ours sends, by reason.
+    """
+
+    def __init__(self, socket: Socket, port: OutputPort[Any], clock_name: str = "wall") -> None:
+        self._socket, self._port = socket, port
+        self.fd = int(socket.getsockopt(zmq.FD))
+        self.topic = port.full_name.encode() + b"\0"
+        schema = port.schema
+        self._envelope: dict[str, Any] = {
+            "e": ENVELOPE, "type": schema.name, "sv": [schema.major, schema.minor], "sh": schema.hash,
+            "src": port.full_name, "run": RUN_ID, "clk": clock_name, "seq": 0, "t": 0, "tp": 0,
+        }  # fmt: skip
+        self._lock = threading.Lock()
+        self._subscribers = 0
+        self.sent_bytes = 0
+        self.rejected: dict[str, int] = {}
+
+    def listeners(self) -> int:
+        """Readers in other processes now."""
+        return self._subscribers
+
+    def publish(self, sample: Any, time: int, seq: int) -> bool:
+        """Send to whoever is there; nothing is packed for nobody."""
+        if not self._subscribers:
+            return True
+        frames = self._pack(sample, time, seq)
+        with self._lock:
+            self._send([self.topic, *frames])
+            self._take_subscriptions()
+        return True
+
+    def serve(self) -> None:
+        """Take subscriptions."""
+        with self._lock:
+            self._take_subscriptions()
+
+    def close(self) -> None:
+        """Close the socket."""
+        with self._lock:
+            self._socket.close()
+
+    def _pack(self, sample: Any, data_time: int, seq: int) -> list[Any]:
+        return encode(sample, {**self._envelope, "seq": seq, "t": data_time, "tp": time.time_ns() // 1000})
+
+    def _send(self, frames: list[Any]) -> bool:
+        last = len(frames) - 1
+        try:
+            for index, frame in enumerate(frames):
+                borrowed = index > 1 and frame.nbytes >= _NO_COPY_BYTES
+                self._socket.send(frame, zmq.SNDMORE if index < last else 0, copy=not borrowed)
+                self.sent_bytes += len(frame) if index < 2 else frame.nbytes
+        except zmq.Again:
+            return False
+        return True
+
+    def _take_subscriptions(self) -> None:
+        if self._socket.closed:
+            return
+        while True:
+            try:
+                message = self._socket.recv(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            more = self._socket.getsockopt(zmq.RCVMORE)
+            self._subscription(message, bool(more))
+
+    def _subscription(self, message: bytes, more: object) -> None:
+        joins, name = message[:1], message[1:]
+        if more or joins not in (b"\0", b"\1"):
+            self._reject("message is not a subscription", message)
+        elif name == self.topic:
+            self._subscribers = max(0, self._subscribers + (1 if joins == b"\1" else -1))
+        elif name.startswith(b"@") and len(name) <= 255:
+            if joins == b"\1":
+                self._greet(name)
+        else:
+            self._reject("no such topic on this port", name)
+
+    def _greet(self, name: bytes) -> None:
+        """Give the last sample to one reader; a header with nothing in it where there is none yet."""
+        last = self._port.last
+        if last is not None:
+            self._send([name, *self._pack(last.sample, last.time, last.seq)])
+
+    def _reject(self, reason: str, message: bytes) -> None:
+        count = self.rejected[reason] = self.rejected.get(reason, 0) + 1
+        if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th ...: never a flood in the log
+            _log.warning("%s: %s (%d times): %r", self._port.full_name, reason, count, message[:40])
