@@ -77,6 +77,19 @@ class FootprintRenderer:
             first += visible.size
         return self._target
 
+    @property
+    def pixels(self) -> NDArray[np.uint32]:
+        """What was read last; see shaders/footprint.frag."""
+        assert self._target is not None
+        return self._target.pixels
+
+    def release(self) -> None:
+        """Give GPU memory back."""
+        for thing in (self._target, self._array, self._program, self._indirect):
+            if thing is not None:
+                thing.release()
+        self.geometry.release()
+
     def _visible(self, block: Block, layout: Layout, centres: Array, far: float) -> NDArray[np.intp]:
         tangent_up = max(abs(block.y_bottom), abs(block.y_bottom + layout.rows * block.y_step))
         mask = tiles.seen(centres, self.geometry.tile_radius, block.azimuth, block.half_width, tangent_up, far)
@@ -159,6 +172,18 @@ class FootprintRenderer:
 def strength_max(optics: Optics, reflectance_max: float) -> float:
     """Greatest echo strength that the shader can write [-]."""
     return 1.0 if optics.sigmoid is not None else max(1.0, reflectance_max)
+
+
+def decode(pixels: NDArray[np.uint32], greatest: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Echo strength [-] and range [m] of samples, (rows, columns) float32 each; range 0 is a miss.
+
+    Parameters
+    ----------
+    greatest : float
+        From ``strength_max``.
+    """
+    root = (pixels[:, :, 1] & 0xFFFF).astype(np.float32) / np.float32(65535)
+    return root * root * np.float32(greatest), np.ascontiguousarray(pixels[:, :, 0]).view(np.float32)
 
 
 def near_plane(optics: Optics) -> float:

@@ -7,6 +7,7 @@ was looked at: it reads 1.2, but keeps positions only on its round-trip types, w
 
 from __future__ import annotations
 
+import copy
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,11 +62,14 @@ class Document:
         Name for messages, as the user wrote it.
     positions : dict
         Key path -> (line, column), counted from 1.
+    overrides : dict
+        Key path -> where its value came from instead of the file, such as ``--set``.
     """
 
     data: Any
     file: str
     positions: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
+    overrides: dict[KeyPath, str] = field(default_factory=dict)
 
     def position(self, path: KeyPath) -> tuple[int, int]:
         """Line and column of a key, or of the nearest parent that stands in the file."""
@@ -75,6 +79,8 @@ class Document:
 
     def error(self, path: KeyPath, message: str) -> SettingsError:
         """A SettingsError at that key."""
+        if path in self.overrides:  # its line in the file is not the one at fault
+            return SettingsError(message, self.overrides[path], key=".".join(map(str, path)))
         line, column = self.position(path)
         return SettingsError(message, self.file, line, column, ".".join(str(part) for part in path))
 
@@ -119,6 +125,29 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
     finally:
         loader.dispose()
     return Document(data, file, positions)
+
+
+def overlay(document: Document, settings: list[str], source: str) -> Document:
+    """The document with ``NAME=VALUE`` texts laid over it; a dot in NAME goes one level down, VALUE is YAML.
+
+    Raises
+    ------
+    SettingsError
+        If a text has not that form.
+    """
+    data = copy.deepcopy(document.data) if isinstance(document.data, dict) else {}
+    overrides = dict(document.overrides)
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        if not (equals and name):
+            raise SettingsError(f"must be NAME=VALUE, got {setting!r}", source)
+        path = tuple(name.split("."))
+        below = data
+        for part in path[:-1]:
+            below = below.setdefault(part, {}) if isinstance(below, dict) else {}
+        below[path[-1]] = load_yaml(source, value).data
+        overrides[path] = source
+    return Document(data, document.file, document.positions, overrides)
 
 
 _MAX_DEPTH = 50  # [-], far above any file of ours; bounds what an alias can unfold
