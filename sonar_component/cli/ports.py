@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 from typing import Any
@@ -75,7 +76,7 @@ def hz(
 ) -> None:
     """Measure the rate of a port from the headers of its samples."""
     times, _, account = _headers(port, seconds, timeout, instance)
-    intervals = [later - earlier for earlier, later in zip(times, times[1:], strict=False)]
+    intervals = [later - earlier for earlier, later in itertools.pairwise(times)]
     rate = len(intervals) / (times[-1] - times[0]) if intervals else 0.0
     result = {
         "port": port, "hz": rate, "samples": len(times), "lost": account.lost, "restarts": account.restarts,

@@ -25,16 +25,13 @@ def survey(instance: str | None = None, op: str = "state") -> list[dict[str, Any
         The record of each task (task, type, process, pid, instance, inputs, outputs) with what it answered; state
         ``NO_ANSWER`` for a process that does not answer.
     """
-    found = []
+    chosen = [running for running in instances() if instance in (None, running.name)]
+    records = [(running.name, record) for running in chosen for record in running.records().values()]
     transport = Transport()
     try:
-        for running in instances():
-            if instance in (None, running.name):
-                for record in running.records().values():
-                    found.append({**_entry(running.name, record), **_ask(transport, record, op)})
+        return [{**_entry(name, record), **_ask(transport, record, op)} for name, record in records]
     finally:
         transport.close()
-    return found
 
 
 def _entry(instance: str, record: dict[str, Any]) -> dict[str, Any]:
