@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLOUR_MAPS = ("copper", "gray", "viridis")
-NO_DATA = (125, 45, 85)  # sRGB, a dull magenta: far from every colour of the three maps, and not black
+NO_DATA = (110, 0, 70)  # sRGB, a dull magenta: far from every colour of the three maps, and not black
 
 _PERCENTILE = 99.9  # [%], a handful of glints must not darken the whole picture
 _DYNAMIC_RANGE = 40.0  # [dB], see above: holds a floor at S(0.2) = 2e-4 beside a target at 1

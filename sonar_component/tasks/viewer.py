@@ -17,6 +17,8 @@ from sonar_component.middleware.policy import Received
 from sonar_component.middleware.ports import Connection, InputPort, invalid_reason
 from sonar_component.middleware.task import NoProperties, PortDriven, Task
 from sonar_component.samples import Frame, Sonar
+from sonar_component.samples.scene_description import BodyPoses, SceneDescription
+from sonar_component.scene.world import World
 from sonar_component.settings.quantity import Duration
 from sonar_component.tasks.page.board import Board
 
@@ -53,11 +55,16 @@ class ViewerTask(Task):
     activity = PortDriven(timeout=0.5)
 
     sonar_samples: InputPort[Sonar] = InputPort(Sonar, doc="Images of any number of sonars.")
+    scene: InputPort[SceneDescription] = InputPort(
+        SceneDescription, automatic=True, doc="The world, to be shown around the sonars."
+    )
+    body_poses: InputPort[BodyPoses] = InputPort(BodyPoses, automatic=True, doc="Where its moving bodies are.")
     camera_samples: InputPort[Frame] = InputPort(Frame, doc="Pictures of an underwater camera.")
 
     def configure_hook(self) -> bool | None:
         """See whether the page can be built at all."""
         self.board = Board()
+        self._scene: World | None = None
         self._server: Any = None
         self._snapshots: Any = None
         self._tried = 0.0
@@ -127,6 +134,7 @@ class ViewerTask(Task):
             self.recover()
 
     def _take_all(self) -> None:
+        self._take_scene()
         for connection in self.sonar_samples.connections:
             newest = self._take(connection)
             channel = self.board.channels.get(connection.source)
@@ -139,6 +147,17 @@ class ViewerTask(Task):
             while (received := connection.mailbox.take()) is not None:
                 if not invalid_reason(received.sample):
                     self.board.put_camera(received.sample)
+
+    def _take_scene(self) -> None:
+        description, poses = self.scene.read_new(), self.body_poses.read_new()
+        if description is not None:
+            self._scene = World.from_description(description)
+        if self._scene is None:
+            return
+        if poses is not None and poses.content_hash == self._scene.content_hash():
+            self._scene.apply_poses(poses)
+        if self._server is not None:
+            self._server.world.show(self._scene)
 
     def _take(self, connection: Connection) -> Received | None:
         """All that waits in one connection: every beam of a scanning head counts, so none is passed over."""

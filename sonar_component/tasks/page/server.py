@@ -59,6 +59,9 @@ class Control(Protocol):
     def set(self, task: str, name: str, value: Any) -> Any:
         """Set a property and return its new value; ValueError with the reason if it is refused."""
 
+    def close(self) -> None:
+        """Give back what asking took."""
+
 
 @dataclass(eq=False)
 class Session:
@@ -108,7 +111,7 @@ class PageServer:
         world: World,
         log: logging.Logger,
     ) -> None:
-        self._board, self._control, self._now, self._files, self._world = board, control, now, files, world
+        self._board, self._control, self._now, self._files, self.world = board, control, now, files, world
         self._log = log
         self._sessions: set[Session] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -150,7 +153,8 @@ class PageServer:
         if self._thread is not None:
             self._thread.join(5.0)
         self._workers.shutdown(wait=False, cancel_futures=True)
-        self._world.stop()
+        self._control.close()
+        self.world.stop()
 
     def _changed(self) -> None:
         if self._loop is not None and self._sessions:
@@ -197,7 +201,7 @@ class PageServer:
             return _response(http.HTTPStatus.MOVED_PERMANENTLY, "", {"Location": WORLD + "/"})
         if path == WORLD + "/":
             try:
-                return _response(http.HTTPStatus.OK, self._world.page(), {"Content-Type": "text/html"})
+                return _response(http.HTTPStatus.OK, self.world.page(), {"Content-Type": "text/html"})
             except (ImportError, OSError) as error:
                 return _response(http.HTTPStatus.NOT_FOUND, f"no 3-D world: {error}\n")
         if path == "/colours.json":
@@ -217,7 +221,7 @@ class PageServer:
     async def _talk(self, connection: ServerConnection) -> None:
         assert connection.request is not None
         if connection.request.path.partition("?")[0].rstrip("/") == WORLD:
-            await self._world.join(connection)
+            await self.world.join(connection)
             return
         session = Session(connection)
         self._sessions.add(session)

@@ -40,7 +40,7 @@ _FAN_PERIOD = 0.5  # [s], between two laid fans: each is a PNG picture encoded h
 _FAN_SIZE = 400  # [pixels]
 _TRAIL = 1000  # [-] segments
 _TRAIL_STEP = 0.1  # [m], a standing vehicle does not wear its trail out
-_VIEW_FROM = np.array([-12.0, -9.0, 8.0])  # [m] behind, to the right and above
+_VIEW_FROM = np.array([-0.45, -0.3, 0.3])  # [-] of the range: behind, to the right and above
 _ARC = 24  # [-] segments of a sector's arc
 _SEAFLOOR, _OBJECT, _MOVING = (150, 130, 95), (120, 145, 160), (200, 120, 60)  # sRGB
 _SECTOR, _TRACK = (255, 200, 60), (60, 220, 255)  # sRGB
@@ -76,6 +76,7 @@ class World:
         self._scene: Scene | None = None
         self._scene_version = (-1, -1)
         self._origin = np.full(3, np.nan)
+        self._distance = 20.0  # [m], range of the first sonar seen
         self._sensors: dict[str, _Sensor] = {}
         self._nodes: dict[str, Any] = {}
         self._switches: dict[str, Any] = {}
@@ -172,14 +173,15 @@ class World:
     def _settle(self, first: Sonar) -> None:
         """Choose the point that 3-D coordinates count from: float32 in the browser cannot hold metres at 5e6 m."""
         self._origin = np.round(first.sensor_position)
-        self._viser.initial_camera.position = tuple(_VIEW_FROM)
+        self._distance = first.bin_count * first.bin_length
+        self._viser.initial_camera.position = tuple(_VIEW_FROM * self._distance)
         self._viser.initial_camera.look_at = (0.0, 0.0, 0.0)
         for client in self._viser.get_clients().values():
             self._look_at_vehicle(client)
 
     def _look_at_vehicle(self, client: Any) -> None:
         at = next((s.trail[-1] for s in self._sensors.values() if s.trail), np.zeros(3))
-        client.camera.position = tuple(at + _VIEW_FROM)
+        client.camera.position = tuple(at + _VIEW_FROM * self._distance)
         client.camera.look_at = tuple(at)
 
     # The scene

@@ -36,7 +36,8 @@ function hear(message) {
 function panelOf(source) {
   if (!panels.has(source)) {
     panels.set(source, new Panel(source, colours, link));
-    byId("panels").append(panels.get(source).node);
+    const after = [...panels.keys()].filter((name) => name > source).sort()[0];
+    byId("panels").insertBefore(panels.get(source).node, after ? panels.get(after).node : null);
     byId("empty").hidden = true;
   }
   return panels.get(source);

@@ -159,9 +159,10 @@ export class Panel {
       g.beginPath(); // canvas angles run clockwise from its x axis; ahead is up, so bearing b is -90 deg - b
       g.arc(ox, oy, ring * perMetre, -Math.PI / 2 - last, -Math.PI / 2 - first);
       g.stroke();
+      if (ring > 0.93 * image.reach) continue; // the bearing's label stands there
       const [x, y] = this.toCanvas(ring * Math.cos(last), ring * Math.sin(last));
       g.textAlign = "right";
-      g.fillText(`${round(ring)} m`, x - 4, y);
+      g.fillText(`${round(ring)} m`, x - 6, y + 4);
     }
     g.textAlign = "center";
     for (const tick of ticks(first / DEGREE, last / DEGREE)) {
