@@ -118,7 +118,7 @@ def _write(
     names = "bins bearings bin_duration speed_of_sound beam_width beam_height time".split()
     arrays = {name: np.asarray(getattr(sample, name)) for name in names}
     if truth is not None:
-        clean = simulator.bins(world, pose.transform())
+        clean = simulator.ping(world, pose).bins
         arrays |= {
             "clean": clean, "elevation": truth.elevation, "range": truth.range,
             "object_id": truth.object_id, "hit_weight": truth.weight, "object_names": np.array(list(world.bodies)),

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_component.echo.assignment import assign
-from sonar_component.echo.binning import Scale, bin_footprints
-from sonar_component.echo.truth import Truth, strongest_samples
-from sonar_component.render.footprints import FootprintRenderer, Optics, decode, strength_max
-from sonar_component.render.layout import build_layout
+from sonar_component.echo.truth import Truth
 from sonar_component.samples import Frame, RigidBodyState, Sonar
 from sonar_component.scene.world import World
-from sonar_component.sonars.plan import Plan, make_plan
+from sonar_component.sonars.imager import FanImager
 from sonar_component.sonars.settings import ForwardLookingSettings
-
-_SATURATED = 0.5  # [-], share of the bins at full scale from which an image says nothing
 
 
 class ForwardLookingSonar:
-    """Renders pings; keeps its GL program, target and tables between them.
+    """Renders pings.
 
     Use it on the thread that made the context. Assign ``settings`` to change any of them from the next ping on.
     """
 
     def __init__(self, context: moderngl.Context, settings: ForwardLookingSettings | None = None) -> None:
-        self._renderer = FootprintRenderer(context)
-        self._pool = ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "binning")
-        self.settings = settings or ForwardLookingSettings()
+        self._settings = settings or ForwardLookingSettings()
+        self._imager = FanImager(context, self._settings, self._settings.beam_table())
 
     @property
     def settings(self) -> ForwardLookingSettings:
@@ -40,15 +30,8 @@ class ForwardLookingSonar:
 
     @settings.setter
     def settings(self, settings: ForwardLookingSettings) -> None:
+        self._imager.adopt(settings, settings.beam_table())
         self._settings = settings
-        self._beams = settings.beam_table()
-        self.plan: Plan = make_plan(self._beams, settings.accuracy)
-        right, left = float(self._beams.right.min()), float(self._beams.left.max())
-        self._layout = build_layout(
-            right, left, self._beams.half_height, self.plan.column_width, self.plan.rows, self.plan.phases
-        )
-        self._assignment = assign(self._beams, self._layout.right, self._layout.left)
-        self._solid_angle = self._beams.solid_angle
 
     def ping(self, world: World, pose: RigidBodyState, rng: np.random.Generator | None = None) -> Sonar:
         """Render one ping.
@@ -67,84 +50,29 @@ class ForwardLookingSonar:
             If the pose is not finite or not a rotation.
         """
         pose.validate()
-        return self._sample(self.bins(world, pose.transform()), pose)
-
-    def bins(self, world: World, X_WS: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Clean echo strengths, gain applied.
-
-        Parameters
-        ----------
-        X_WS : (4, 4) float64
-            Pose of the sonar in the world [m].
-
-        Returns
-        -------
-        (beams, bins) float32
-        """
-        pixels, scale = self._samples(world, X_WS, truth=False)
-        bins, _ = bin_footprints(pixels, self._layout, self._assignment, self._solid_angle, scale, self._pool)
-        return with_gain(bins, self._settings.gain)
+        bins = self._imager.echoes(world, pose.transform())
+        return self._sample(with_gain(bins, self._settings.gain), pose)
 
     def truth(self, world: World, pose: RigidBodyState) -> Truth:
         """What stands behind each bin of the ping from that pose."""
         pose.validate()
-        pixels, scale = self._samples(world, pose.transform(), truth=True)
-        _, weight = bin_footprints(
-            pixels, self._layout, self._assignment, self._solid_angle, scale, self._pool, want_weight=True
-        )
-        return strongest_samples(pixels, self._layout, self._assignment, scale, weight)
+        return self._imager.truth(world, pose.transform())
 
     def shader_image(self, time: int) -> Frame:
-        """The samples of the last ping: echo strength [-], range [m] and bearing [rad], float32; NaN on a miss.
-
-        Columns run from left to right within each view, row 0 is the top.
-        """
-        pixels, layout = self._renderer.pixels, self._layout
-        strength, distance = decode(pixels, self._greatest)
-        bearing = np.broadcast_to(((layout.left + layout.right) / 2).astype(np.float32), distance.shape)
-        image = np.stack([strength, distance, np.where(distance > 0, bearing, np.nan)], axis=-1)
-        image[distance <= 0] = np.nan
-        return Frame(time, np.ascontiguousarray(image[::-1]), "strength,range,bearing")
-
-    def release(self) -> None:
-        """Give GPU memory and threads back."""
-        self._renderer.release()
-        self._pool.shutdown()
+        """The samples of the last ping: see ``FanImager.shader_image``."""
+        return self._imager.shader_image(time)
 
     def explain(self) -> list[str]:
         """What was chosen for these settings, and why, one line each."""
-        layout, s = self._layout, self._settings
-        features = sorted(self._renderer.features(self._optics(truth=False))) or ["none"]
-        return [
-            f"accuracy {s.accuracy:g}: {layout.rows} x {sum(b.columns for b in layout.blocks)} samples "
-            f"in {len(layout.blocks)} draws",
-            *self.plan.reasons,
-            f"shader features in use: {', '.join(features).lower()}",
-        ]
+        return self._imager.explain()
 
     def remarks(self, sample: Sonar) -> list[str]:
         """Why an image is black or white, in words; empty for a good one."""
-        if self._renderer.geometry.empty:
-            return ["the scene has no triangles: the image is empty"]
-        if not sample.bins.any():
-            return [f"no surface lies in the sector within {self._settings.range:g} m: the image is black"]
-        if float((sample.bins >= 1.0).mean()) > _SATURATED:
-            return [f"more than {_SATURATED:.0%} of the bins are at full scale: lower the gain"]
-        return []
+        return self._imager.remarks(sample.bins)
 
-    def _optics(self, truth: bool) -> Optics:
-        s = self._settings
-        attenuation = s.attenuation_properties.nepers_per_metre() if s.enable_attenuation else 0.0
-        return Optics(s.range, s.range / s.bin_count, s.sigmoid, attenuation, truth)
-
-    def _samples(self, world: World, X_WS: NDArray[np.float64], truth: bool) -> tuple[NDArray[np.uint32], Scale]:
-        s = self._settings
-        if self._renderer.geometry.update(world):
-            self._renderer.geometry_changed()
-        optics = self._optics(truth)
-        pixels = self._renderer.draw(X_WS, self._layout, optics).read()
-        self._greatest = strength_max(optics, self._renderer.geometry.reflectance_max)
-        return pixels, Scale(s.bin_count, s.range, s.min_range, self._greatest, s.normalization == "mean")
+    def release(self) -> None:
+        """Give GPU memory and threads back."""
+        self._imager.release()
 
     def _sample(self, bins: NDArray[np.float32], pose: RigidBodyState) -> Sonar:
         s = self._settings
@@ -153,7 +81,7 @@ class ForwardLookingSonar:
             bin_duration=s.range / s.bin_count / s.speed_of_sound,
             beam_width=s.beam_width,
             beam_height=s.beam_height,
-            bearings=self._beams.bearings,
+            bearings=self._imager.beams.bearings,
             speed_of_sound=s.speed_of_sound,
             bin_count=s.bin_count,
             beam_count=len(bins),
