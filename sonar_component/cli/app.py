@@ -9,7 +9,7 @@ import typer
 
 from sonar_component.settings.errors import SettingsError
 
-_GROUPS = ("run", "ping", "doctor")
+_GROUPS = ("run", "ports", "ping", "pictures", "doctor")
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, help="Real-time simulator of imaging sonar.")
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import typer
 
+from sonar_component.cli.pictures import print_picture
 from sonar_component.cli.run import print_json
 
 PORT = typer.Argument(..., metavar="TASK.PORT", help="Output port of a running task.")
@@ -48,6 +49,7 @@ def list_tasks(as_json: bool = JSON, instance: str | None = INSTANCE) -> None:
 def echo(
     port: str = PORT,
     count: int | None = typer.Option(None, "--count", "-n", min=1, help="Stop after this many samples."),
+    plot: bool = typer.Option(False, "--plot", help="Draw sonar images with characters."),
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
@@ -59,11 +61,14 @@ def echo(
     with connect(port, timeout=timeout, instance=instance) as reader:
         number = 0
         while count is None or number < count:
-            fields = summary(_read(reader, timeout))
+            sample = _read(reader, timeout)
+            fields = summary(sample)
             if as_json:
                 print(json.dumps(fields), flush=True)
             else:
                 print(f"--- {reader.name} ({reader.type_name})\n{as_text(fields)}", flush=True)
+                if plot:
+                    print_picture(sample)
             number += 1
 
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from sonar_component.middleware.operations import operation
 from sonar_component.middleware.policy import Received
 from sonar_component.middleware.ports import Connection, InputPort, invalid_reason
 from sonar_component.middleware.task import NoProperties, PortDriven, Task
@@ -108,6 +109,14 @@ class ViewerTask(Task):
         if self._snapshots is not None:
             self._snapshots.stop()
         self._server = self._snapshots = None
+
+    @operation
+    def page(self) -> str:
+        """Where the page is."""
+        if self._server is None:
+            raise ValueError(self.lifecycle.reason or "the page is not open")
+        host = f"[{self.properties.address}]" if ":" in self.properties.address else self.properties.address
+        return f"http://{host}:{self._server.port}"
 
     def _open_page(self) -> None:
         import time
