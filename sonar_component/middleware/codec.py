@@ -85,7 +85,10 @@ def encode(sample: Any, envelope: dict[str, Any]) -> list[Any]:
 
 
 def _contiguous(value: Any, field: Field) -> np.ndarray[Any, Any]:
-    return np.ascontiguousarray(value, DTYPES[field.dtype] if field.dtype else None).reshape(np.shape(value))
+    dtype = field.dtype or wire_dtype(np.asarray(value).dtype)
+    if isinstance(value, np.ndarray) and value.flags.c_contiguous and value.dtype == DTYPES[dtype]:
+        return value
+    return np.ascontiguousarray(value, DTYPES[dtype]).reshape(np.shape(value))
 
 
 def unpack(frame: Any) -> dict[str, Any]:
