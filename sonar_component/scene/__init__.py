@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from sonar_component.scene.body import Body, Part
@@ -12,8 +13,8 @@ from sonar_component.scene.world import World
 __all__ = ["Body", "Material", "Mesh", "Part", "World", "load_world"]
 
 
-def load_world(path: str | Path) -> World:
-    """Read a scene YAML, an SDF world or model, or a bare mesh file; see `scene.loading`."""
+def load_world(path: str | Path, search_path: Sequence[str | Path] = ()) -> World:
+    """Read a scene YAML, an SDF world or model, or a bare mesh file; see `scene.loading.load_world`."""
     from sonar_component.scene.loading import load_world as read  # trimesh takes half a second, which not all need
 
-    return read(path)
+    return read(path, search_path)

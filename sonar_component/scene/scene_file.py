@@ -10,7 +10,7 @@ bodies:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from sonar_component.scene.material import Material
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.mesh_file import MeshOptions, read_mesh_file
 from sonar_component.scene.scene_settings import BodySettings, MaterialSettings, PoseSettings, SceneSettings
+from sonar_component.scene.sdf.world import read_sdf
 from sonar_component.scene.terrain import read_heights, terrain
 from sonar_component.scene.texture import read_image
 from sonar_component.scene.world import World
@@ -28,8 +29,8 @@ from sonar_component.settings import Document, SettingsError, SettingsErrors, fi
 from sonar_component.settings.errors import suggest
 
 
-def read_scene_file(path: Path) -> World:
-    """Read a scene YAML with everything that it names.
+def read_scene_file(path: Path, search_path: Sequence[str | Path] = ()) -> World:
+    """Read a scene YAML with everything that it names; `search_path` is for model:// references of SDF.
 
     Raises
     ------
@@ -37,29 +38,39 @@ def read_scene_file(path: Path) -> World:
         All mistakes at once, each with file, line and key: unknown keys, missing or broken meshes, unknown materials.
     """
     document = load_yaml(path)
-    return _Reader(path, document, validate(SceneSettings, document)).world()
+    return _Reader(path, document, validate(SceneSettings, document), search_path).world()
 
 
 class _Reader:
     """One reading of one file: collects mistakes, so that all are told at once."""
 
-    def __init__(self, path: Path, document: Document, settings: SceneSettings) -> None:
-        self.path, self.document, self.settings = path, document, settings
+    def __init__(
+        self, path: Path, document: Document, settings: SceneSettings, search_path: Sequence[str | Path]
+    ) -> None:
+        self.path, self.document, self.settings, self.search_path = path, document, settings, search_path
         self.errors: list[SettingsError] = []
         self.warnings: list[str] = []
         self.materials: dict[str, Material] = {}
+        self._merged: dict[tuple[int, int], Material] = {}
 
     def world(self) -> World:
         for name, settings in self.settings.materials.items():
             self._try(("materials", name), self._add_material, name, settings)
-        bodies = []
+        bodies: list[Body] = []
+        for index, name in enumerate(self.settings.include):
+            bodies += self._try(("include", index), self._included, name) or []
         for name, body in self.settings.bodies.items():
             bodies.append(self._try(("bodies", name), self._body, name, body))
         if self.errors:
             raise SettingsErrors(self.errors)
-        return World(bodies, self.warnings)
+        world = World(warnings=self.warnings)
+        for made in bodies:
+            self._try(("bodies", made.name), world.add, made)
+        if self.errors:
+            raise SettingsErrors(self.errors)
+        return world
 
-    def _try(self, key: tuple[str, ...], make: Callable[..., Any], *arguments: object) -> Any:
+    def _try(self, key: tuple[str | int, ...], make: Callable[..., Any], *arguments: object) -> Any:
         """Return what `make` makes, or note its error at `key` unless it already knows its line."""
         try:
             return make(*arguments)
@@ -109,14 +120,43 @@ class _Reader:
             everywhere = self._chosen(("bodies", name, "material"), settings.material)
         # Looked up by the file's own names: a part's name is more particular than its material's.
         chosen = [by_name.get(p.name, by_name.get(p.material.name, everywhere)) for p in parts]
-        parts = [p if m is None else replace(p, material=m) for p, m in zip(parts, chosen, strict=True)]
-        return Body(name, parts, to_pose(settings.pose), settings.moving)
+        return Body(name, self._dressed(parts, chosen), to_pose(settings.pose), settings.moving)
+
+    def _dressed(self, parts: list[Part], chosen: Sequence[Material | None]) -> list[Part]:
+        """Give each part its chosen material, or the scene's material of the same name where nothing is chosen."""
+        dressed = []
+        for part, choice in zip(parts, chosen, strict=True):
+            new, old = choice or self.materials.get(part.material.name), part.material
+            if new is None:
+                dressed.append(part)
+                continue
+            if new.normal_map is None and old.normal_map is not None:
+                # A reflectance in the scene must not wipe the relief that the mesh file brings along.
+                merged = Material(new.name, new.reflectance, old.normal_map, new.reflectance_map)
+                new = self._merged.setdefault((id(new), id(old)), merged)
+            dressed.append(replace(part, material=new))
+        return dressed
+
+    def _included(self, name: str) -> list[Body]:
+        world = read_sdf(find_file(name, self.path), self.search_path)
+        self.warnings += world.warnings
+        for body in world.bodies.values():
+            body.parts = self._dressed(body.parts, [None] * len(body.parts))
+        return list(world.bodies.values())
 
     def _parts(self, name: str, settings: BodySettings) -> list[Part]:
         if settings.mesh is not None:
             parts, warnings = self._mesh(("bodies", name, "mesh"), settings)
             self.warnings += [f"body '{name}': {line}" for line in warnings]
             return parts
+        if settings.sdf is not None:
+            try:
+                world = read_sdf(find_file(settings.sdf, self.path), self.search_path)
+            except SettingsError as error:
+                raise self.document.error(("bodies", name, "sdf"), str(error)) from None
+            self.warnings += world.warnings
+            models = world.bodies.values()
+            return [replace(part, X_BM=model.X_WB @ part.X_BM) for model in models for part in model.parts]
         return [Part(self._shape(name, settings), Material("default"), pose.from_rpy((0, 0, 0), (0, 0, 0)), name)]
 
     def _mesh(self, key: tuple[str, ...], settings: BodySettings) -> tuple[list[Part], list[str]]:

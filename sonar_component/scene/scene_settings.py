@@ -119,7 +119,7 @@ class TerrainSettings(_Strict):
 
 
 class BodySettings(_Strict):
-    """One body: exactly one of mesh or a shape."""
+    """One body: exactly one of mesh, SDF model or shape."""
 
     mesh: str | None = None
     box: BoxSettings | None = None
@@ -153,8 +153,13 @@ KINDS = ("mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "
 
 
 class SceneSettings(_Strict):
-    """A whole scene file."""
+    """A whole scene file.
+
+    `include` names SDF worlds whose models become bodies here. `materials` also dress every surface whose material has
+    that name in its own mesh or SDF file, unless its body says otherwise.
+    """
 
     version: Literal[1]
     materials: dict[str, MaterialSettings] = {}
-    bodies: dict[str, BodySettings]
+    include: list[str] = []
+    bodies: dict[str, BodySettings] = {}
