@@ -25,6 +25,7 @@ from sonar_component.echo.assignment import Assignment
 
 EMPTY = 1e-7  # [-], of a beam's solid angle: below it a bin counts as empty
 _BEAMS_PER_WORKER = 16  # [-], fewer are not worth handing to another thread
+_LEAST = np.float32(1e-3)  # [bins], least span of a sample in range; keeps divisions finite
 _LONG = 3  # [bins], span from which on a difference array is cheaper than adding to every bin
 
 
@@ -58,7 +59,7 @@ def _bin_beams(
     end: int,
     ranges: Any,
     codes: Any,
-    stride: int,
+    rows: int,
     components: int,
     solid_angle: Any,
     first_row: Any,
@@ -82,10 +83,13 @@ def _bin_beams(
     strength_scale = np.float32(strength_max / (65535.0 * 65535.0))
     extent_scale = np.float32(range_max * bins_per_metre / (32767.0 * 32767.0))
     metre = np.float32(bins_per_metre)
-    half = np.float32(0.5)
+    end_bin = np.float32(bin_count)
+    half, one = np.float32(0.5), np.float32(1.0)
     steps = np.zeros((bin_count + 1, 2))
     weights = np.empty(bin_count, np.float32)
     energies = np.empty(bin_count, np.float32)
+    lows, highs = np.empty(rows, np.float32), np.empty(rows, np.float32)
+    w_density, e_density = np.empty(rows, np.float32), np.empty(rows, np.float32)
     for beam in range(begin, end):
         stepped = False
         weights[:] = 0.0
@@ -94,41 +98,46 @@ def _bin_beams(
             c = column[entry]
             part = share[entry]
             first, last = first_row[c], last_row[c]
+            base = c * rows
+            # One column at a time: first all samples, a loop that compiles to vector instructions ...
             for row in range(first, last + 1):
-                index = row * stride + c
-                r = ranges[index * components]
-                if not r > np.float32(0.0):
-                    continue
-                code = codes[index * components]
+                code = codes[(base + row) * components]
                 root = np.float32((code >> np.uint32(16)) & np.uint32(0x7FFF))
-                extent = root * root * extent_scale
-                low = r * metre - half * extent
-                high = low + extent
-                if row == first or row == last:
-                    # Only a part of the cell lies inside the aperture: cut the same part off its span in range.
-                    below = first_clip[c] if row == first else np.float32(0.0)
-                    above = last_clip[c] if row == last else np.float32(0.0)
-                    if code & np.uint32(0x80000000):
-                        below, above = above, below
-                    low, high = low + below * extent, high - above * extent
-                if high < lowest or low >= bin_count:
-                    continue
+                extent = max(root * root * extent_scale, _LEAST)
+                low = ranges[(base + row) * components] * metre - half * extent
                 root = np.float32(code & np.uint32(0xFFFF))
-                w = solid_angle[index] * part
-                e = w * (root * root * strength_scale)
+                w = solid_angle[base + row] * part / extent
+                lows[row] = low
+                highs[row] = low + extent
+                w_density[row] = w
+                e_density[row] = w * (root * root * strength_scale)
+            for row, clip, at_start in ((first, first_clip[c], True), (last, last_clip[c], False)):
+                # Only a part of the cell lies inside the aperture: cut the same part off its span in range.
+                falling = codes[(base + row) * components] >> np.uint32(31) == 1
+                span = highs[row] - lows[row]
+                if at_start != falling:
+                    lows[row] += clip * span
+                else:
+                    highs[row] -= clip * span
+                w_density[row] /= max(one - clip, _LEAST)
+                e_density[row] /= max(one - clip, _LEAST)
+            # ... then the bins, one after another.
+            for row in range(first, last + 1):
+                low, high = lows[row], highs[row]
+                if not (ranges[(base + row) * components] > 0 and low < end_bin and high >= lowest):
+                    continue
+                w, e = w_density[row], e_density[row]
                 k_low, k_high = int(np.floor(low)), int(high)
                 if k_low == k_high:
-                    if k_low >= lowest and k_low < bin_count:
-                        weights[k_low] += w
-                        energies[k_low] += e
+                    if k_low >= lowest:
+                        weights[k_low] += w * (high - low)
+                        energies[k_low] += e * (high - low)
                     continue
-                per_bin = np.float32(1.0) / (high - low)
-                w, e = w * per_bin, e * per_bin
                 if k_low >= lowest:
                     covered = np.float32(k_low + 1) - low
                     weights[k_low] += w * covered
                     energies[k_low] += e * covered
-                if k_high < bin_count and k_high >= lowest:
+                if k_high < bin_count:
                     covered = high - np.float32(k_high)
                     weights[k_high] += w * covered
                     energies[k_high] += e * covered
@@ -177,7 +186,7 @@ def bin_footprints(
 
     Parameters
     ----------
-    pixels : (rows, columns, 2 or 4) uint32
+    pixels : (columns, rows, 2 or 4) uint32
         As the fragment shader writes them: render/shaders/footprint.frag.
     layout : render.layout.Layout
         Where the samples lie.
@@ -202,13 +211,13 @@ def bin_footprints(
     weight = np.empty(bins.shape if want_weight else (0, 0), np.float32)
     flat = pixels.reshape(-1)
     rest: tuple[Any, ...] = (
-        flat.view(np.float32), flat[1:], layout.columns, pixels.shape[2], layout.solid_angle.reshape(-1),
+        flat.view(np.float32), flat[1:], layout.rows, pixels.shape[2], layout.solid_angle.reshape(-1),
         layout.first_row, layout.last_row, layout.first_clip, layout.last_clip,
         assignment.start, assignment.column, assignment.share,
         scale.bin_count / scale.range_max, scale.range_max, scale.strength_max, scale.min_range,
         solid_angle, scale.mean, bins, weight,
     )  # fmt: skip
-    workers = 1 if pool is None else min(pool._max_workers, beams // _BEAMS_PER_WORKER)
+    workers = 1 if pool is None else min(pool._max_workers + 1, beams // _BEAMS_PER_WORKER)
     if workers < 2 or pool is None:
         _bin_beams(0, beams, *rest)
         return bins, weight

@@ -42,7 +42,7 @@ def strongest_samples(
 
     Parameters
     ----------
-    pixels : (rows, columns, 4) uint32
+    pixels : (columns, rows, 4) uint32
         As the fragment shader writes them with TRUTH on.
     layout : render.layout.Layout
     weight : (beams, bins) float32
@@ -72,17 +72,17 @@ def _strongest(
     for beam in range(beams):
         for entry in range(start[beam], start[beam + 1]):
             c = column[entry]
-            for row in range(ranges.shape[0]):
-                r = ranges[row, c]
-                whole = solid_angle[row, c] * share[entry]
+            for row in range(ranges.shape[1]):
+                r = ranges[c, row]
+                whole = solid_angle[c, row] * share[entry]
                 if r <= 0 or whole <= 0:
                     continue
-                low, high = r - extents[row, c] / 2, r + extents[row, c] / 2
+                low, high = r - extents[c, row] / 2, r + extents[c, row] / 2
                 for k in range(max(0, int(low / bin_length)), min(bins - 1, int(high / bin_length)) + 1):
                     near, far = max(low, k * bin_length), min(high, (k + 1) * bin_length)
                     part = whole * (far - near) / (high - low) if high > low else whole
                     if part > best[beam, k]:
                         best[beam, k] = part
-                        elevation[beam, k] = elevations[row, c]
+                        elevation[beam, k] = elevations[c, row]
                         distance[beam, k] = (near + far) / 2
-                        object_id[beam, k] = ids[row, c]
+                        object_id[beam, k] = ids[c, row]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonar_component.gl import Target, load_program, set_uniforms
 from sonar_component.render import tiles
 from sonar_component.render.geometry import Geometry
-from sonar_component.render.layout import Block, Layout
+from sonar_component.render.layout import Layout, View
 
 Array = NDArray[np.float64]
 
@@ -63,16 +63,16 @@ class FootprintRenderer:
         assert self._program is not None
         assert self._array is not None
         centres = self.geometry.place(X_WS)
-        self._set_uniforms(layout, optics)
+        self._set_uniforms(optics)
         self._context.enable_only(moderngl.DEPTH_TEST)
         far = _DRAWN_BEYOND * optics.range_max
-        chosen = [self._visible(block, layout, centres, far) for block in layout.blocks]
+        chosen = [self._visible(view, layout, centres, far) for view in layout.views]
         commands = self._send_commands(np.concatenate(chosen))
         first = 0
-        for block, visible in zip(layout.blocks, chosen, strict=True):
+        for view, visible in zip(layout.views, chosen, strict=True):
             if visible.size:
-                self._target.framebuffer.viewport = (block.first_column, 0, block.columns, layout.rows)
-                set_uniforms(self._program, X_DS=projection(block, layout.rows, near_plane(optics), far))
+                self._target.framebuffer.viewport = (0, view.first_column, layout.rows, view.columns)
+                set_uniforms(self._program, X_DS=projection(view, layout.rows, near_plane(optics), far))
                 self._array.render_indirect(commands, count=visible.size, first=first)
             first += visible.size
         return self._target
@@ -90,9 +90,8 @@ class FootprintRenderer:
                 thing.release()
         self.geometry.release()
 
-    def _visible(self, block: Block, layout: Layout, centres: Array, far: float) -> NDArray[np.intp]:
-        tangent_up = max(abs(block.y_bottom), abs(block.y_bottom + layout.rows * block.y_step))
-        mask = tiles.seen(centres, self.geometry.tile_radius, block.azimuth, block.half_width, tangent_up, far)
+    def _visible(self, view: View, layout: Layout, centres: Array, far: float) -> NDArray[np.intp]:
+        mask = tiles.seen(centres, self.geometry.tile_radius, view.azimuth, view.half_width, -view.y_bottom, far)
         return np.flatnonzero(mask)
 
     def _send_commands(self, visible: NDArray[np.intp]) -> moderngl.Buffer:
@@ -105,12 +104,11 @@ class FootprintRenderer:
             self._indirect.write(data.tobytes())
         return self._indirect
 
-    def _set_uniforms(self, layout: Layout, optics: Optics) -> None:
+    def _set_uniforms(self, optics: Optics) -> None:
         assert self._program is not None
         values: dict[str, float] = {
             "range_max": optics.range_max,
             "strength_max": strength_max(optics, self.geometry.reflectance_max),
-            "column_share": 1.0 / layout.phases,
         }
         if optics.sigmoid is not None:
             values["sigmoid_slope"], values["sigmoid_centre"] = optics.sigmoid
@@ -123,11 +121,11 @@ class FootprintRenderer:
 
     def _prepare(self, layout: Layout, optics: Optics) -> None:
         components = 4 if optics.truth else 2
-        shape = (layout.rows, layout.columns, components)
+        shape = (layout.columns, layout.rows, components)
         if self._target is None or self._target.pixels.shape != shape:
             if self._target is not None:
                 self._target.release()
-            self._target = Target(self._context, layout.columns, layout.rows, components)
+            self._target = Target(self._context, layout.rows, layout.columns, components)
         if self.geometry.empty:
             return
         features = self.features(optics)
@@ -175,7 +173,7 @@ def strength_max(optics: Optics, reflectance_max: float) -> float:
 
 
 def decode(pixels: NDArray[np.uint32], greatest: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Echo strength [-] and range [m] of samples, (rows, columns) float32 each; range 0 is a miss.
+    """Echo strength [-] and range [m] of samples, (columns, rows) float32 each; range 0 is a miss.
 
     Parameters
     ----------
@@ -194,20 +192,21 @@ def near_plane(optics: Optics) -> float:
     return 0.25 * optics.bin_length
 
 
-def projection(block: Block, rows: int, near: float, far: float) -> bytes:
-    """Sonar frame to clip space of one block, as 16 float32 in OpenGL's column order.
+def projection(view: View, rows: int, near: float, far: float) -> bytes:
+    """Sonar frame to clip space of one view, as 16 float32 in OpenGL's column order.
 
-    This is the one place where X forward, Y left, Z up turns into OpenGL's axes.
+    This is the one place where X forward, Y left, Z up turns into OpenGL's axes: x along elevation, y from left to
+    right.
     """
-    c, s = np.cos(block.azimuth), np.sin(block.azimuth)
+    c, s = np.cos(view.azimuth), np.sin(view.azimuth)
     depth = np.array([c, s, 0.0, 0.0])
     right = np.array([s, -c, 0.0, 0.0])
     up = np.array([0.0, 0.0, 1.0, 0.0])
-    width, height = block.columns * block.x_step, rows * block.y_step
+    width, height = view.columns * view.x_step, rows * view.y_step
     X_DS = np.array(
         [
-            2 / width * right - (2 * block.x_left / width + 1) * depth,
-            2 / height * up - (2 * block.y_bottom / height + 1) * depth,
+            2 / height * up - (2 * view.y_bottom / height + 1) * depth,
+            2 / width * right - (2 * view.x_left / width + 1) * depth,
             (far + near) / (far - near) * depth + np.array([0, 0, 0, -2 * far * near / (far - near)]),
             depth,
         ]

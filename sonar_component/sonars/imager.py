@@ -40,7 +40,7 @@ class FanImager:
         self.plan: Plan = make_plan(beams, settings.accuracy)
         right, left = float(beams.right.min()), float(beams.left.max())
         plan = self.plan
-        self._layout = build_layout(right, left, beams.half_height, plan.column_width, plan.rows, plan.phases)
+        self._layout = build_layout(right, left, beams.half_height, plan.column_width, plan.rows)
         self._assignment = assign(beams, self._layout.right, self._layout.left)
         self._solid_angle = beams.solid_angle
 
@@ -75,10 +75,11 @@ class FanImager:
         """
         pixels, layout = self._renderer.pixels, self._layout
         strength, distance = decode(pixels, self._greatest)
-        bearing = np.broadcast_to(((layout.left + layout.right) / 2).astype(np.float32), distance.shape)
+        bearing = np.broadcast_to(((layout.left + layout.right) / 2).astype(np.float32)[:, None], distance.shape)
         image = np.stack([strength, distance, np.where(distance > 0, bearing, np.nan)], axis=-1)
         image[distance <= 0] = np.nan
-        return Frame(time, np.ascontiguousarray(image[::-1]), "strength,range,bearing")
+        upright = image.transpose(1, 0, 2)[::-1]
+        return Frame(time, np.ascontiguousarray(upright), "strength,range,bearing")
 
     def release(self) -> None:
         """Give GPU memory and threads back."""
@@ -90,8 +91,7 @@ class FanImager:
         layout, s = self._layout, self._settings
         features = sorted(self._renderer.features(self._optics(truth=False))) or ["none"]
         return [
-            f"accuracy {s.accuracy:g}: {layout.rows} x {sum(b.columns for b in layout.blocks)} samples "
-            f"in {len(layout.blocks)} draws",
+            f"accuracy {s.accuracy:g}: {layout.columns} x {layout.rows} samples in {len(layout.views)} views",
             *self.plan.reasons,
             f"shader features in use: {', '.join(features).lower()}",
         ]

@@ -19,15 +19,12 @@ class Plan:
         Greatest width of a cell in azimuth [rad].
     rows : int
         Cells over the elevation aperture.
-    phases : int
-        Interleaved draws per view: see render/layout.py.
     reasons : tuple of str
         Why, in words.
     """
 
     column_width: float
     rows: int
-    phases: int
     reasons: tuple[str, ...]
 
 
@@ -41,4 +38,4 @@ def make_plan(beams: BeamTable, accuracy: float) -> Plan:
         f"columns of {np.degrees(column_width):.3g} deg: {width / column_width:.3g} for the narrowest beam",
         f"{rows} rows over {2 * np.degrees(beams.half_height):.3g} deg",
     )
-    return Plan(float(column_width), rows, 2, reasons)
+    return Plan(float(column_width), rows, reasons)

@@ -1,4 +1,4 @@
-"""A known target, rendered and compared with its closed form: is the picture right on this machine?"""
+"""A known target, rendered and compared with its closed form: whether the picture is right on this machine."""
 
 from __future__ import annotations
 

@@ -7,7 +7,6 @@
 // out.z (TRUTH): id of the body.
 uniform float range_max;      // [m], end of the last bin
 uniform float strength_max;   // [-], greatest value that the strength can take
-uniform float column_share;   // [-], width of a cell / distance of neighbouring columns in this view
 #ifdef SIGMOID
 uniform float sigmoid_slope;  // [-]
 uniform float sigmoid_centre; // [-]
@@ -64,8 +63,8 @@ void main() {
 #ifdef SIGMOID
     strength = 1.0 / (1.0 + exp(-sigmoid_slope * (strength - sigmoid_centre)));
 #endif
-    float across = dFdx(range) * column_share;
-    float along = dFdy(range);
+    float along = dFdx(range);   // x of the target is elevation
+    float across = dFdy(range);
     // Cells that touch along one direction then abut in range; in between the extent keeps its variance.
     float extent = sqrt(across * across + along * along);
     uint strength_bits = uint(sqrt(clamp(strength / strength_max, 0.0, 1.0)) * 65535.0 + 0.5);
