@@ -77,11 +77,10 @@ class FootprintRenderer:
             first += visible.size
         return self._target
 
-    @property
-    def pixels(self) -> NDArray[np.uint32]:
-        """What was read last; see shaders/footprint.frag."""
+    def read(self) -> NDArray[np.uint32]:
+        """Read what was drawn last; see shaders/footprint.frag."""
         assert self._target is not None
-        return self._target.pixels
+        return self._target.read()
 
     def release(self) -> None:
         """Give GPU memory back."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 from sonar_component.echo.assignment import assign
 from sonar_component.echo.beams import BeamTable
 from sonar_component.echo.binning import Scale, bin_footprints
+from sonar_component.echo.reduction import GpuReduction
 from sonar_component.echo.truth import Truth, strongest_samples
+from sonar_component.gl import Target, is_software
 from sonar_component.render.footprints import FootprintRenderer, Optics, decode, strength_max
 from sonar_component.render.layout import build_layout
 from sonar_component.samples import Frame
@@ -30,6 +33,7 @@ class FanImager:
     """
 
     def __init__(self, context: moderngl.Context, settings: SonarSettings, beams: BeamTable) -> None:
+        self._context, self._software = context, is_software(context)
         self._renderer = FootprintRenderer(context)
         self._pool = ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "binning")
         self.adopt(settings, beams)
@@ -56,13 +60,17 @@ class FanImager:
         -------
         (beams, bins) float32
         """
-        pixels, scale = self._samples(world, X_WS, truth=False)
+        target, scale = self._draw(world, X_WS, truth=False)
+        if self._on_gpu:
+            return self._reduction.bins(target.texture, self._layout, self._assignment, self._solid_angle, scale)
+        pixels = target.read()
         bins, _ = bin_footprints(pixels, self._layout, self._assignment, self._solid_angle, scale, self._pool)
         return bins
 
     def truth(self, world: World, X_WS: NDArray[np.float64]) -> Truth:
         """What stands behind each bin of the image from that pose."""
-        pixels, scale = self._samples(world, X_WS, truth=True)
+        target, scale = self._draw(world, X_WS, truth=True)
+        pixels = target.read()
         _, weight = bin_footprints(
             pixels, self._layout, self._assignment, self._solid_angle, scale, self._pool, want_weight=True
         )
@@ -73,7 +81,7 @@ class FanImager:
 
         Columns run from left to right within each view, row 0 is the top.
         """
-        pixels, layout = self._renderer.pixels, self._layout
+        pixels, layout = self._renderer.read(), self._layout
         strength, distance = decode(pixels, self._greatest)
         bearing = np.broadcast_to(((layout.left + layout.right) / 2).astype(np.float32)[:, None], distance.shape)
         image = np.stack([strength, distance, np.where(distance > 0, bearing, np.nan)], axis=-1)
@@ -84,6 +92,8 @@ class FanImager:
     def release(self) -> None:
         """Give GPU memory and threads back."""
         self._renderer.release()
+        if "_reduction" in self.__dict__:
+            self._reduction.release()
         self._pool.shutdown()
 
     def explain(self) -> list[str]:
@@ -94,6 +104,8 @@ class FanImager:
             f"accuracy {s.accuracy:g}: {layout.columns} x {layout.rows} samples in {len(layout.views)} views",
             *self.plan.reasons,
             f"shader features in use: {', '.join(features).lower()}",
+            f"samples become bins on the {'graphics card' if self._on_gpu else 'CPU'}: "
+            f"the driver draws on the {'CPU' if self._software else 'card'}",
         ]
 
     def remarks(self, bins: NDArray[np.float32]) -> list[str]:
@@ -111,11 +123,20 @@ class FanImager:
         attenuation = s.attenuation_properties.nepers_per_metre() if s.enable_attenuation else 0.0
         return Optics(s.range, s.range / s.bin_count, s.sigmoid, attenuation, truth)
 
-    def _samples(self, world: World, X_WS: NDArray[np.float64], truth: bool) -> tuple[NDArray[np.uint32], Scale]:
+    def _draw(self, world: World, X_WS: NDArray[np.float64], truth: bool) -> tuple[Target, Scale]:
         s = self._settings
         if self._renderer.geometry.update(world):
             self._renderer.geometry_changed()
         optics = self._optics(truth)
-        pixels = self._renderer.draw(X_WS, self._layout, optics).read()
+        target = self._renderer.draw(X_WS, self._layout, optics)
         self._greatest = strength_max(optics, self._renderer.geometry.reflectance_max)
-        return pixels, Scale(s.bin_count, s.range, s.min_range, self._greatest, s.normalization == "mean")
+        return target, Scale(s.bin_count, s.range, s.min_range, self._greatest, s.normalization == "mean")
+
+    @property
+    def _on_gpu(self) -> bool:
+        wanted = self._settings.reduction
+        return wanted == "gpu" or (wanted == "auto" and not self._software)
+
+    @cached_property
+    def _reduction(self) -> GpuReduction:
+        return GpuReduction(self._context)

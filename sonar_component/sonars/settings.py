@@ -66,6 +66,8 @@ class SonarSettings(BaseModel):
         [m/s]
     seed : int
         Of the noise.
+    reduction : "auto", "cpu" or "gpu"
+        Where samples become bins; auto takes the faster way for the driver.
     frame : str
         Name of the sensor's frame in its samples.
     """
@@ -88,6 +90,7 @@ class SonarSettings(BaseModel):
     enable_attenuation: bool = False
     attenuation_properties: AttenuationProperties = AttenuationProperties()
     enable_speckle_noise: bool = False
+    reduction: Literal["auto", "cpu", "gpu"] = "auto"
     frame: str = "sonar"
 
     @field_validator(*_LIMITS)

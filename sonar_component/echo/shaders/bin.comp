@@ -1,0 +1,59 @@
+#version 430
+// Spreads the footprint of each sample over the bins that it covers: one invocation per sample of each beam's columns.
+// in: the samples of render/shaders/footprint.frag, tables of the layout and of the assignment.
+// out: sums of weight and of weight times strength, in units of 2^-31 of the beam's solid angle. Sums of integers do
+//      not depend on the order of the additions, so the same scene gives the same bits. Owner: echo/reduction.py.
+layout(local_size_x = 64) in;
+
+struct Entry {
+    uint beam;
+    uint column;
+    float scale;      // share of the column / solid angle of the beam * 2^31 [1/sr]
+    uint first_row;   // rows inside the aperture
+    uint last_row;
+    float first_clip; // part of the first cell below the aperture [-]
+    float last_clip;  // part of the last cell above it [-]
+    float padding;
+};
+layout(std430, binding = 1) readonly buffer Entries { Entry entries[]; };
+layout(std430, binding = 2) readonly buffer SolidAngles { float solid_angle[]; };  // [sr], column by column
+layout(std430, binding = 3) buffer Sums { uint sums[]; };  // weight and energy of each bin, beam by beam
+
+uniform usampler2D samples;
+uniform int bin_count;
+uniform int lowest_bin;
+uniform int rows;
+uniform float bins_per_metre;
+uniform float range_max;     // [m]
+
+const float LEAST = 1e-3;    // [bins], least span of a sample in range
+
+void main() {
+    uint row = gl_GlobalInvocationID.x;
+    Entry entry = entries[gl_WorkGroupID.y + gl_WorkGroupID.z * gl_NumWorkGroups.y];
+    if (entry.scale == 0.0 || row < entry.first_row || row > entry.last_row) return;
+    uvec2 texel = texelFetch(samples, ivec2(row, entry.column), 0).xy;
+    float range = uintBitsToFloat(texel.x);
+    if (!(range > 0.0)) return;
+    float root = float((texel.y >> 16) & 0x7FFFu) / 32767.0;
+    float extent = max(root * root * range_max * bins_per_metre, LEAST);
+    float low = range * bins_per_metre - 0.5 * extent;
+    float high = low + extent;
+    float below = row == entry.first_row ? entry.first_clip : 0.0;
+    float above = row == entry.last_row ? entry.last_clip : 0.0;
+    bool falling = (texel.y & 0x80000000u) != 0u;
+    low += (falling ? above : below) * extent;
+    high -= (falling ? below : above) * extent;
+    high = max(high, low + LEAST * extent);
+    if (low >= float(bin_count) || high < float(lowest_bin)) return;
+    root = float(texel.y & 0xFFFFu) / 65535.0;
+    float strength = root * root;  // relative to the greatest
+    float density = solid_angle[entry.column * uint(rows) + row] * entry.scale / (high - low);
+    int k_last = min(int(high), bin_count - 1);
+    for (int k = max(int(floor(low)), lowest_bin); k <= k_last; ++k) {
+        float weight = density * (min(high, float(k + 1)) - max(low, float(k)));
+        uint place = 2u * (entry.beam * uint(bin_count) + uint(k));
+        atomicAdd(sums[place], uint(weight + 0.5));
+        atomicAdd(sums[place + 1u], uint(weight * strength + 0.5));
+    }
+}
