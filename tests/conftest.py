@@ -46,8 +46,8 @@ class Graph:
 
     def start(self, text: str, *arguments: object, name: str = "graph.yaml") -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "sonar_component", "run", str(self.write(text, name)), *map(str, arguments)]
-        output = (self.folder / "launcher.out").open("w+")
-        launcher = subprocess.Popen(command, env=self.environment, stdout=output, stderr=output, text=True)
+        with (self.folder / "launcher.out").open("a") as output:
+            launcher = subprocess.Popen(command, env=self.environment, stdout=output, stderr=output, text=True)
         self.launchers.append(launcher)
         return launcher
 

@@ -149,7 +149,9 @@ class Process:
         def go() -> bool:
             if task.lifecycle.state is State.EXCEPTION:
                 task.lifecycle.do(Command.RECOVER)
-            return task.configure() and task.start()
+            up = task.configure() and task.start()
+            self.report({"event": "up", "task": name, "up": up, "reason": task.lifecycle.reason})
+            return up
 
         self.runners[name].call(go)
 

@@ -56,6 +56,7 @@ class Child:
     stopping: bool = False
     given_up: bool = False
     hung: str = ""
+    refused: bool = False
 
 
 class Supervisor:
@@ -73,6 +74,7 @@ class Supervisor:
         self.instance = Instance(plan.name)
         self.states: dict[str, tuple[str, str]] = {}
         self.failures: list[str] = []
+        self._down: set[str] = set()  # refused to come up, by their own decision
         self._selector = selectors.DefaultSelector()
         self._signals = 0
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
@@ -141,8 +143,8 @@ class Supervisor:
                 return
 
     def _hopeless(self) -> bool:
-        names = [task for child in self.children for task in child.tasks]
-        return all(self.states.get(name, ("",))[0] == "PRE_OPERATIONAL" for name in names)
+        """Whether every task has refused to be configured or started."""
+        return {task for child in self.children for task in child.tasks} <= self._down
 
     def _turn(self, timeout: float) -> None:
         """Wait for events, look after every child once."""
@@ -188,6 +190,13 @@ class Supervisor:
             self.tell(f"{event['task']}: {event['level']}: {event['text']}")
         elif kind == "refused":
             self.tell(f"process {child.name} could not start: {event['reason']}")
+            child.refused = True
+        elif kind == "up":
+            if event["up"]:
+                self._down.discard(event["task"])
+            else:
+                self._down.add(event["task"])
+                self.failures.append(f"{event['task']}: {event['reason']}")
         elif kind == "built":
             child.built = True
         elif kind == "beat":
@@ -206,9 +215,7 @@ class Supervisor:
             self.tell(f"{task}: {state}{named}" + (f": {reason}" if reason else ""))
         if child.stopping:
             return
-        if state == "PRE_OPERATIONAL":
-            self.failures.append(f"{task}: {reason}")
-        elif state in ("EXCEPTION", "FATAL_ERROR"):
+        if state in ("EXCEPTION", "FATAL_ERROR"):
             self.failures.append(f"{task}: {state} {reason}")
             self._mend(child, task, state)
 
@@ -252,6 +259,7 @@ class Supervisor:
             return
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
         wanted = child.rules.restart == "always" or (child.rules.restart == "on_failure" and code != 0)
+        wanted = wanted and not child.refused  # a second try would be refused too
         if code != 0:
             self.failures.append(f"process {child.name} {how}")
         if wanted and self._may_restart(child):

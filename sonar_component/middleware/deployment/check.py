@@ -68,7 +68,8 @@ class _Checker:
         tasks = [task for key, spec in self.file.tasks.items() if (task := self._task(key, spec)) is not None]
         connections = self._connections()
         connections += self._automatic(connections)
-        self._required(connections)
+        if len(self.types) == len(self.file.tasks):  # else it would only be told what follows from a wrong type
+            self._required(connections)
         self._slaves(tasks)
         if self.errors:
             raise SettingsErrors(sorted(self.errors, key=lambda error: (error.line or 0, error.column or 0)))

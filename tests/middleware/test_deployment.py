@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sonar_component.middleware.deployment import Plan, check_deployment
+from sonar_component.settings import SettingsError
+
+GOOD = """\
+version: 1
+tasks:
+  pose: {type: VehiclePoseTask, activity: {periodic: 20 ms}}
+  scene: {type: SceneTask, properties: {world: configs/scenes/wreck_site/scene.yaml}}
+  fls:
+    type: MultibeamSonarTask
+    process: gpu
+    config: [configs/sonars/gemini_720i.yaml]
+    properties: {range: 30 m}
+connections:
+  - {from: pose.pose_samples, to: [fls.sonar_pose_cmd], policy: data, max_age: 500 ms}
+"""
+
+
+def check(tmp_path: Path, text: str, **more: Any) -> Plan:
+    file = tmp_path / "deployment.yaml"
+    file.write_text(text)
+    return check_deployment(file, **more)
+
+
+def test_a_good_deployment_becomes_a_plan(tmp_path: Path) -> None:
+    plan = check(tmp_path, GOOD)
+    assert plan.name == "deployment"
+    assert plan.task("fls").process == "gpu"
+    assert plan.task("fls").properties["range"] == "30 m"
+    assert plan.task("fls").properties["beam_count"] == 256  # from the config file
+    assert plan.task("pose").activity == {"periodic": 0.02}
+    connection = plan.connections[0]
+    assert (connection.source, connection.target) == ("pose.pose_samples", "fls.sonar_pose_cmd")
+    assert (connection.policy, connection.init, connection.max_age) == ("data", True, 0.5)
+
+
+def test_what_there_is_one_of_connects_itself(tmp_path: Path) -> None:
+    lines = {(c.source, c.target) for c in check(tmp_path, GOOD).connections}
+    assert ("scene.scene", "fls.scene") in lines
+
+
+def test_a_plan_survives_being_written_down(tmp_path: Path) -> None:
+    plan = check(tmp_path, GOOD)
+    assert Plan.from_json(plan.to_json()) == plan
+
+
+def test_values_from_the_command_line_count_last(tmp_path: Path) -> None:
+    assert check(tmp_path, GOOD, overrides={"fls": {"range": 9}}).task("fls").properties["range"] == 9
+
+
+MISTAKES = [
+    ("version: 1", "version: 2", 1, "version: input should be 1"),
+    ("tasks:", "taks:", 2, 'is not a known key (did you mean "tasks"?)'),
+    ("type: SceneTask", "type: SeneTask", 4, '(did you mean "SceneTask"?)'),
+    ("type: SceneTask", "type: os.system", 4, "is not a known task type"),
+    ("activity: {periodic: 20 ms}", "activity: {periodic: 20 m}", 3, "'m' is of length, got '20 m'"),
+    ("activity: {periodic: 20 ms}", "activity: {periodic: 0 ms}", 3, "greater than 0"),
+    ("activity: {periodic: 20 ms}", "activity: {periodc: 20 ms}", 3, '(did you mean "periodic"?)'),
+    ("activity: {periodic: 20 ms}", "activity: {slave: pos}", 3, 'no task \'pos\' (did you mean "pose"?)'),
+    ("activity: {periodic: 20 ms}", "activity: {slave: scene}", 3, "must be in the same process: write process: scene"),
+    ("activity: {periodic: 20 ms}", "activity: {slave: pose}", 3, "is a circle"),
+    ("scene.yaml}", "scen.yaml}", 4, 'no such file (did you mean "scene.yaml"?)'),
+    ("world: configs", "wold: configs", 4, '(did you mean "world"?)'),
+    ("gemini_720i.yaml", "gemini_720.yaml", 8, 'no such file (did you mean "gemini_720i.yaml"?)'),
+    ("range: 30 m", "range: 0", 9, "must be 0.1 m to 1000 m, got 0 m"),
+    ("range: 30 m", "range: 500000 m", 9, "must be 0.1 m to 1000 m"),
+    ("range: 30 m", "range: 30 deg", 9, "'deg' is of angle"),
+    ("range: 30 m", "rnage: 30 m", 9, '(did you mean "range"?)'),
+    ("range: 30 m", "range: 30 m, range: 20 m", 9, "stands twice"),
+    ("range: 30 m", "bin_count: 010x", 9, "bin_count"),
+    ("pose.pose_samples", "pose.pose_sample", 11, '(did you mean "pose_samples"?)'),
+    ("pose.pose_samples", "poes.pose_samples", 11, 'no task \'poes\' (did you mean "pose"?)'),
+    ("pose.pose_samples", "scene.scene", 11, "takes RigidBodyState, but scene.scene gives SceneDescription"),
+    ("from: pose.pose_samples", "from: fls.sonar_pose_cmd", 11, "sonar_pose_cmd is an input"),
+    ("to: [fls.", "to: [fls.sonar_pose_cmd, fls.", 11, "is connected to fls.sonar_pose_cmd already"),
+    ("policy: data", "policy: latest", 11, "must be data, or a kind with its size"),
+    ("policy: data", "policy: buffer", 11, "write {buffer: 4}"),
+    ("policy: data", "policy: {buffer: 0}", 11, "greater than or equal to 1"),
+    ("max_age: 500 ms", "max_age: 500 m", 11, "'m' is of length"),
+    ("to: [fls.sonar_pose_cmd]", "to: [scene.pose_cmd]", 5, "sonar_pose_cmd (RigidBodyState) must be connected"),
+    ("process: gpu", "process: ../gpu", 7, "must be letters, digits"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("good", "bad", "line", "message"), MISTAKES, ids=lambda value: str(value)[:40])
+def test_every_mistake_is_named_with_its_line(tmp_path: Path, good: str, bad: str, line: int, message: str) -> None:
+    assert good in GOOD
+    with pytest.raises(SettingsError) as caught:
+        check(tmp_path, GOOD.replace(good, bad, 1))
+    text = str(caught.value)
+    assert message in text
+    assert f"deployment.yaml:{line}:" in text
+
+
+def test_all_mistakes_are_told_at_once_and_in_order(tmp_path: Path) -> None:
+    wrong = (
+        GOOD.replace("SceneTask", "SeneTask")
+        .replace("range: 30 m", "range: 0, gain: 7")
+        .replace("pose.pose", "poes.pose")
+    )
+    with pytest.raises(SettingsError) as caught:
+        check(tmp_path, wrong)
+    lines = [line.split(":")[1] for line in str(caught.value).splitlines()]
+    assert lines == ["4", "9", "9", "11"]
+
+
+def test_sections_of_config_files_are_laid_over_each_other_from_left_to_right(tmp_path: Path) -> None:
+    (tmp_path / "fls.yaml").write_text("sections:\n  default: {range: 10 m, gain: 0.1}\n  far: {range: 80 m}\n")
+    chosen = GOOD.replace("[configs/sonars/gemini_720i.yaml]", "[fls.yaml, default, far]").replace(
+        "{range: 30 m}", "{}"
+    )
+    assert check(tmp_path, chosen).task("fls").properties == {"range": "80 m", "gain": 0.1}
+    alone = chosen.replace("[fls.yaml, default, far]", "[fls.yaml]")
+    assert check(tmp_path, alone).task("fls").properties == {"range": "10 m", "gain": 0.1}
+    with pytest.raises(SettingsError, match=r'no section .fra. \(did you mean "far"\?\); it has: default, far'):
+        check(tmp_path, chosen.replace("far]", "fra]"))
+
+
+def test_a_mistake_in_a_config_file_is_named_there(tmp_path: Path) -> None:
+    (tmp_path / "fls.yaml").write_text("range: 10 m\nbin_count: 0\n")
+    with pytest.raises(
+        SettingsError, match=r"fls\.yaml:2:1: bin_count: input should be greater than or equal to 1, got 0"
+    ):
+        check(tmp_path, GOOD.replace("configs/sonars/gemini_720i.yaml", "fls.yaml"))
