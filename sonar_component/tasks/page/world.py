@@ -76,6 +76,7 @@ class World:
         self._scene: Scene | None = None
         self._scene_version = (-1, -1)
         self._origin = np.full(3, np.nan)
+        self._followed = np.full(3, np.nan)
         self._distance = 20.0  # [m], range of the first sonar seen
         self._sensors: dict[str, _Sensor] = {}
         self._nodes: dict[str, Any] = {}
@@ -165,10 +166,20 @@ class World:
             self._settle(next(iter(placed.values())))
         if np.isnan(self._origin).any():
             return
+        if placed:
+            self._follow(next(iter(placed.values())).sensor_position - self._origin)
         with self._viser.atomic():
             self._draw_scene()
             for source, sonar in placed.items():
                 self._draw_sensor(source, sonar)
+
+    def _follow(self, p: NDArray[np.float64]) -> None:
+        """Take every camera along with the first sonar's step since the last look."""
+        step, self._followed = p - self._followed, p
+        if self._switches["follow"].value and np.isfinite(step).all() and step.any():
+            for client in self._viser.get_clients().values():
+                client.camera.position = tuple(np.asarray(client.camera.position) + step)
+                client.camera.look_at = tuple(np.asarray(client.camera.look_at) + step)
 
     def _settle(self, first: Sonar) -> None:
         """Choose the point that 3-D coordinates count from: float32 in the browser cannot hold metres at 5e6 m."""

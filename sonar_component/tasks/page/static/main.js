@@ -46,6 +46,16 @@ function panelOf(source) {
 function tell(status) {
   for (const [source, facts] of Object.entries(status.sonars)) panelOf(source).tell(facts);
   tasks.tell(status.tasks);
+  tellCamera(status.tasks.find((task) => task.type === "CameraTask"));
+}
+
+function tellCamera(task) {
+  const section = byId("camera"), on = section.querySelector("input");
+  const enabled = task?.properties.find((property) => property.name === "enabled")?.value ?? false;
+  section.hidden = !task;
+  on.checked = enabled;
+  on.onchange = () => link.say({ kind: "set", task: task.name, name: "enabled", value: on.checked });
+  if (!enabled) section.querySelector("canvas").hidden = true;
 }
 
 function notice(text) {
@@ -64,7 +74,9 @@ function download(message) {
 
 function showCamera(message) {
   const [height, width, channels] = message.image_shape, canvas = byId("camera").querySelector("canvas");
-  byId("camera").hidden = false;
+  canvas.hidden = false;
+  const age = message.age === null ? "" : `age ${(message.age * 1000).toFixed(0)} ms`;
+  byId("camera").querySelector("span").textContent = `${width} x ${height} ${age}`;
   canvas.width = width;
   canvas.height = height;
   const context = canvas.getContext("2d"), picture = context.createImageData(width, height);
