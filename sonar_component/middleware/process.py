@@ -160,6 +160,8 @@ class Process:
         deadline = time.monotonic() + timeout
         futures = [self.runners[name].call(partial(shut, task)) for name, task in reversed(self.tasks.items())]
         if wait(futures, max(0.0, deadline - time.monotonic())).not_done:
+            busy = [name for name, task in self.tasks.items() if task.lifecycle.running]
+            logging.getLogger(self.name).warning("does not return from its hook: %s", ", ".join(busy))
             return False
         ended = [runner.stop(max(0.1, deadline - time.monotonic())) for runner in set(self.runners.values())]
         self.control.close()

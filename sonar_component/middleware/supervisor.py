@@ -73,7 +73,7 @@ class Supervisor:
         self.tell, self.host = tell, host
         self.instance = Instance(plan.name)
         self.states: dict[str, tuple[str, str]] = {}
-        self.failures: list[str] = []
+        self.failures: dict[str, str] = {}  # task or process -> why; what comes up again is forgiven
         self._down: set[str] = set()  # refused to come up, by their own decision
         self._selector = selectors.DefaultSelector()
         self._signals = 0
@@ -194,9 +194,11 @@ class Supervisor:
         elif kind == "up":
             if event["up"]:
                 self._down.discard(event["task"])
+                self.failures.pop(event["task"], None)
+                self.failures.pop(f"process {child.name}", None)
             else:
                 self._down.add(event["task"])
-                self.failures.append(f"{event['task']}: {event['reason']}")
+                self.failures[event["task"]] = event["reason"]
         elif kind == "built":
             child.built = True
         elif kind == "beat":
@@ -216,7 +218,7 @@ class Supervisor:
         if child.stopping:
             return
         if state in ("EXCEPTION", "FATAL_ERROR"):
-            self.failures.append(f"{task}: {state} {reason}")
+            self.failures[task] = f"{state} {reason}"
             self._mend(child, task, state)
 
     def _mend(self, child: Child, task: str, state: str) -> None:
@@ -256,12 +258,14 @@ class Supervisor:
         for task in child.tasks:
             self.states.pop(task, None)
         if child.stopping:
+            if code > 0:
+                self.failures[f"process {child.name}"] = f"ended with code {code}"
             return
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
         wanted = child.rules.restart == "always" or (child.rules.restart == "on_failure" and code != 0)
         wanted = wanted and not child.refused  # a second try would be refused too
         if code != 0:
-            self.failures.append(f"process {child.name} {how}")
+            self.failures[f"process {child.name}"] = how
         if wanted and self._may_restart(child):
             child.due = time.monotonic() + child.delay
             self.tell(f"process {child.name} {how}; it starts again in {child.delay:g} s")
@@ -312,7 +316,7 @@ class Supervisor:
             for child in self.children:
                 if child.process is not None:
                     self.tell(f"process {child.name} does not stop: {signal.Signals(number).name}")
-                    self.failures.append(f"process {child.name} had to be stopped by force")
+                    self.failures[f"process {child.name}"] = "had to be stopped by force"
                     self._kill(child, number)
         for child in self.children:
             self._forget_pipe(child)

@@ -18,7 +18,8 @@ from sonar_component.middleware.ports import InputPort, OutputPort
 from sonar_component.middleware.rundir import is_name
 from sonar_component.middleware.task import Activity, Periodic, PortDriven, Task, ports_of
 from sonar_component.settings.errors import SettingsError, SettingsErrors, suggest
-from sonar_component.settings.loader import Document, KeyPath, load_yaml, validate
+from sonar_component.settings.loader import Document, KeyPath, load_yaml
+from sonar_component.settings.validation import validate
 
 Overrides = Mapping[str, Mapping[str, Any]]
 

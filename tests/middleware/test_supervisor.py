@@ -1,0 +1,142 @@
+"""What the launcher does when things go wrong: real processes, killed, stopped and stuck."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+from sonar_component.middleware import connect, connect_task
+
+CHAIN = """
+    version: 1
+    defaults: {restart_delay: 50 ms, hang_timeout: 1 s}
+    tasks:
+      pose: {type: SourceTask}
+      fls: {type: PoseToSonarTask}
+    connections:
+      - {from: pose.pose_samples, to: fls.sonar_pose_cmd}
+"""
+SOURCE = """
+    version: 1
+    tasks:
+      source: {type: SourceTask}
+"""
+
+
+def pid_of(graph: Any, task: str) -> int:
+    return int(next(t["pid"] for t in graph.json("list")["tasks"] if t["task"] == task))
+
+
+def test_a_killed_process_starts_again_and_its_readers_tell_that_from_loss(graph: Any) -> None:
+    launcher = graph.start(CHAIN)
+    with connect("fls.sonar_samples", policy="circular_buffer", size=1000, timeout=20.0) as port:
+        port.read()
+        os.kill(pid_of(graph, "fls"), signal.SIGKILL)
+        graph.wait_until_said("process fls was killed by SIGKILL; it starts again in 0.05 s")
+        graph.wait_until_said("fls: RUNNING", times=2)
+        graph.wait_for(lambda: port.read() and port.account.restarts == 1, "reading from the new process")
+        assert port.account.lost == 0
+    with connect_task("fls") as fls:
+        os.kill(pid_of(graph, "pose"), signal.SIGKILL)
+        graph.wait_until_said("pose: RUNNING", times=2)
+        inputs = graph.wait_for(
+            lambda: (d := fls.describe()["inputs"]["sonar_pose_cmd"]["connections"][0])["restarts"] and d, "noticing"
+        )
+    assert inputs["lost"] == 0
+    graph.wait_until_said("fls: warning: pose.pose_samples restarted")
+    launcher.send_signal(signal.SIGTERM)
+    assert launcher.wait(5) == 0  # everything ended well: what came up again is forgiven
+
+
+def test_a_task_that_raises_is_brought_up_again_until_it_is_enough(graph: Any) -> None:
+    text = """
+        version: 1
+        tasks:
+          bad: {type: RaisingTask, restart_delay: 50 ms, max_restarts: 3}
+    """
+    launcher = graph.start(text)
+    graph.wait_until_said("bad: EXCEPTION: ZeroDivisionError: third cycle", times=4)
+    assert graph.said().count("bad: RUNNING") == 4  # the first time and three more
+    launcher.send_signal(signal.SIGTERM)
+    assert launcher.wait(5) == 1
+    assert "Traceback" not in graph.said()
+    log = (Path(os.environ["SONAR_LOG_DIR"]) / "graph" / "bad.log").read_text()
+    assert "ZeroDivisionError: third cycle" in log
+
+
+def test_a_stuck_task_is_found_its_stack_is_logged_and_it_starts_again(graph: Any) -> None:
+    graph.start("version: 1\ntasks:\n  stuck: {type: StuckTask, hang_timeout: 500 ms, restart_delay: 50 ms}\n")
+    graph.wait_until_said("task stuck has not finished its cycle for")
+    log = Path(os.environ["SONAR_LOG_DIR"]) / "graph" / "stuck.log"
+    graph.wait_for(lambda: "in update_hook" in log.read_text(), "logging the stack")
+    assert "stand_ins.py" in log.read_text()
+    graph.wait_until_said("stuck: RUNNING", times=2)
+
+
+def test_a_process_that_gives_no_sign_of_life_is_killed_and_starts_again(graph: Any) -> None:
+    graph.start(CHAIN)
+    graph.wait_until_said("fls: RUNNING")
+    os.kill(pid_of(graph, "fls"), signal.SIGSTOP)
+    graph.wait_until_said("process fls has given no sign of life for 1.")
+    graph.wait_until_said("fls: RUNNING", times=2)
+
+
+def test_a_task_that_does_not_stop_is_left_behind_with_a_word(graph: Any) -> None:
+    launcher = graph.start("version: 1\ntasks:\n  stuck: {type: StuckTask, hang_timeout: 60 s}\n")
+    graph.wait_until_said("stuck: RUNNING")
+    time.sleep(0.3)  # until the third cycle
+    launcher.send_signal(signal.SIGINT)
+    assert launcher.wait(8) == 1
+    assert "stuck: warning: does not return from its hook: stuck" in graph.said()
+    assert graph.processes() == []
+
+
+def test_a_process_that_does_not_stop_is_stopped_by_force(graph: Any) -> None:
+    launcher = graph.start("version: 1\ndefaults: {hang_timeout: 60 s}\ntasks:\n  source: {type: SourceTask}\n")
+    graph.wait_until_said("source: RUNNING")
+    os.kill(pid_of(graph, "source"), signal.SIGSTOP)
+    launcher.send_signal(signal.SIGINT)
+    assert launcher.wait(8) == 1
+    assert "process source does not stop: SIGTERM" in graph.said()
+    assert "process source does not stop: SIGKILL" in graph.said()
+    assert graph.processes() == []
+
+
+def test_a_second_signal_kills_at_once(graph: Any) -> None:
+    launcher = graph.start("version: 1\ndefaults: {hang_timeout: 60 s}\ntasks:\n  source: {type: SourceTask}\n")
+    graph.wait_until_said("source: RUNNING")
+    os.kill(pid_of(graph, "source"), signal.SIGSTOP)
+    launcher.send_signal(signal.SIGINT)
+    time.sleep(0.2)
+    began = time.monotonic()
+    launcher.send_signal(signal.SIGINT)
+    launcher.wait(8)
+    assert time.monotonic() - began < 1.5  # far below the 3 s that the ladder alone would take
+    assert graph.processes() == []
+
+
+def test_the_loss_of_a_critical_task_stops_all(graph: Any) -> None:
+    text = CHAIN.replace("fls: {type: PoseToSonarTask}", "fls: {type: PoseToSonarTask, critical: true, restart: never}")
+    launcher = graph.start(text)
+    graph.wait_until_said("fls: RUNNING")
+    os.kill(pid_of(graph, "fls"), signal.SIGKILL)
+    assert launcher.wait(8) == 1
+    assert "a critical task is lost: stopping all" in graph.said()
+
+
+def test_launches_killed_at_random_moments_leave_nothing_behind(graph: Any) -> None:
+    # Every start-up phase is hit: interpreter, imports, building, running. 50 of them, as the issue asks.
+    chance = random.Random(6)
+    for _ in range(10):
+        launchers = [graph.start(SOURCE, "--name", f"g{number}") for number in range(5)]
+        for launcher in launchers:
+            time.sleep(chance.uniform(0.0, 0.3))
+            launcher.kill()
+            launcher.wait()
+        graph.wait_for(lambda: graph.processes() == [], "dying with the launcher", 1.0)
+    assert graph.json("list") == {"tasks": [], "ports": []}
+    assert list(Path(os.environ["SONAR_RUN_DIR"]).iterdir()) == []
