@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from typing import Any
 
 import typer
 
 from sonar_component.settings.errors import SettingsError
 
 _GROUPS = ("run", "ports", "ping", "pictures", "doctor")
+_INTERRUPTED = 130  # as shells have it: 128 + SIGINT
+# typer carries click inside from some version on; what both raise for a wrong command line is the base of this.
+_CommandLineError: Any = typer.BadParameter.__mro__[2]
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, help="Real-time simulator of imaging sonar.")
 
@@ -19,7 +23,24 @@ def main() -> None:
     for group in _GROUPS:
         import_module(f"sonar_component.cli.{group}").register(app)
     try:
-        app()
+        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except SettingsError as error:
         print(error, file=sys.stderr)
         sys.exit(2)
+    except _CommandLineError as error:
+        print(_one_line(error), file=sys.stderr)
+        sys.exit(2)
+    except (KeyboardInterrupt, typer.Abort):
+        sys.exit(_INTERRUPTED)
+    except OSError as error:  # a full disk, a folder that may not be written: the machine's word, not a traceback
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"{where}{error.strerror or error}", file=sys.stderr)
+        sys.exit(1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _one_line(error: Any) -> str:
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "sonar"
+    message = " ".join(error.format_message().replace("Value error, ", "").split())
+    return f"{command}: {message.rstrip('.')}. See: {command} --help"

@@ -37,7 +37,6 @@ def ping(
     """Render one sonar image."""
     import numpy as np
 
-    from sonar_component.gl import create_context
     from sonar_component.scene import load_world
     from sonar_component.settings.errors import SettingsError
     from sonar_component.settings.paths import find_file
@@ -52,7 +51,7 @@ def ping(
         world = load_world(find_file(scene))
     except ValueError as error:
         raise error if isinstance(error, SettingsError) else SettingsError(str(error), str(scene)) from None
-    simulator = ForwardLookingSonar(create_context(), chosen)
+    simulator = ForwardLookingSonar(_context(), chosen)
     rng = np.random.default_rng(chosen.seed) if chosen.enable_speckle_noise else None
     sample = simulator.ping(world, pose, rng)
     _write(out, sample, simulator.truth(world, pose) if truth else None, simulator, world, pose)
@@ -65,10 +64,23 @@ def _check_out(out: Path, truth: bool) -> None:
 
     if out.suffix not in (".npz", ".png"):
         raise SettingsError(f"--out must end in .npz or .png, got {str(out)!r}")
-    if not out.parent.is_dir():
+    if not out.absolute().parent.is_dir():
         raise SettingsError(f"--out: there is no folder {out.parent}")
+    if out.is_dir():
+        raise SettingsError(f"--out: {out} is a folder")
     if truth and out.suffix != ".npz":
         raise SettingsError("--truth needs --out FILE.npz: a picture has no place for it")
+
+
+def _context() -> Any:
+    from sonar_component.gl import GLUnavailableError, create_context
+    from sonar_component.settings.errors import SettingsError
+
+    try:
+        return create_context()
+    except GLUnavailableError as error:
+        # Nothing has begun, and what to install is said: like any other condition that is not met.
+        raise SettingsError(str(error)) from None
 
 
 def _pose(position: tuple[float, ...], rpy_deg: Any, quaternion: Any) -> RigidBodyState:
@@ -97,8 +109,9 @@ def _pose(position: tuple[float, ...], rpy_deg: Any, quaternion: Any) -> RigidBo
 
 
 def _load_settings(sonar: Path | None, overrides: list[str]) -> ForwardLookingSettings:
-    from sonar_component.settings.loader import Document, load_yaml, overlay, validate
+    from sonar_component.settings.loader import Document, load_yaml, overlay
     from sonar_component.settings.paths import find_file
+    from sonar_component.settings.validation import validate
     from sonar_component.sonars.settings import ForwardLookingSettings
 
     document = load_yaml(find_file(sonar)) if sonar is not None else Document({}, "sonar")

@@ -11,15 +11,13 @@ import copy
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
 
-from sonar_component.settings.errors import SettingsError, SettingsErrors, suggest
+from sonar_component.settings.errors import SettingsError
 
 KeyPath = tuple[str | int, ...]
-Model = TypeVar("Model", bound=BaseModel)
 
 
 class _Loader(yaml.SafeLoader):
@@ -29,14 +27,15 @@ class _Loader(yaml.SafeLoader):
 _FLOAT = r"[-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
 _CORE_SCHEMA = (  # tag, pattern of the whole scalar, its possible first characters
     ("bool", r"true|True|TRUE|false|False|FALSE", [*"tTfF"]),
-    ("int", r"[-+]?\d+", [*"-+0123456789"]),
+    ("int", r"[-+]?\d+|0o[0-7]+|0x[0-9a-fA-F]+", [*"-+0123456789"]),
     ("float", _FLOAT, [*"-+.0123456789"]),
     ("null", r"~|null|Null|NULL|", [*"~nN", ""]),
 )
 
 
 def _construct_int(loader: Any, node: Any) -> int:
-    return int(loader.construct_scalar(node))
+    text = loader.construct_scalar(node)
+    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))  # 010 is ten
 
 
 def _construct_float(loader: Any, node: Any) -> float:
@@ -116,10 +115,13 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
         if node is not None:
             _walk(node, (), file, positions, 0)
         data = loader.construct_document(node) if node is not None else None
+    except SettingsError:
+        raise
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
-        raise SettingsError(f"is not YAML: {error.problem}", file, line, column) from None
+        words = " ".join(part for part in (error.context, error.problem) if part)
+        raise SettingsError(f"is not YAML: {words}", file, line, column) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingsError(f"is not YAML: {str(error).splitlines()[0]}", file) from None
     finally:
@@ -133,9 +135,10 @@ def overlay(document: Document, settings: list[str], source: str) -> Document:
     Raises
     ------
     SettingsError
-        If a text has not that form.
+        If a text has not that form, or goes below something that has no keys.
     """
-    data = copy.deepcopy(document.data) if isinstance(document.data, dict) else {}
+    fault = document.error((), f"must be a mapping of keys to values, got {document.data!r}")
+    data = _mapping(copy.deepcopy(document.data), fault)
     overrides = dict(document.overrides)
     for setting in settings:
         name, equals, value = setting.partition("=")
@@ -143,11 +146,20 @@ def overlay(document: Document, settings: list[str], source: str) -> Document:
             raise SettingsError(f"must be NAME=VALUE, got {setting!r}", source)
         path = tuple(name.split("."))
         below = data
-        for part in path[:-1]:
-            below = below.setdefault(part, {}) if isinstance(below, dict) else {}
+        for depth, part in enumerate(path[:-1], start=1):
+            parent = ".".join(path[:depth])
+            below[part] = _mapping(below.get(part), SettingsError("has no keys below it", source, key=parent))
+            below = below[part]
         below[path[-1]] = load_yaml(source, value).data
         overrides[path] = source
     return Document(data, document.file, document.positions, overrides)
+
+
+def _mapping(value: Any, fault: SettingsError) -> dict[str, Any]:
+    """The value if it has keys, an empty mapping for None."""
+    if value is not None and not isinstance(value, dict):
+        raise fault
+    return value or {}
 
 
 _MAX_DEPTH = 50  # [-], far above any file of ours; bounds what an alias can unfold
@@ -170,50 +182,3 @@ def _walk(node: yaml.Node, path: KeyPath, file: str, positions: dict[KeyPath, tu
                 raise SettingsError(message, file, line, column, ".".join(map(str, below)))
             positions[below] = (line, column)
             _walk(child, below, file, positions, depth + 1)
-
-
-def validate(model: type[Model], document: Document, at: KeyPath = ()) -> Model:
-    """Build a model from the part of a document at a key path.
-
-    Raises
-    ------
-    SettingsErrors
-        All mistakes at once, each with file, line and key, and the nearest valid name.
-    """
-    data = document.at(at)
-    if not isinstance(data, dict):
-        raise SettingsErrors([document.error(at, f"must be a mapping of keys to values, got {data!r}")])
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise SettingsErrors([_explain(model, document, at, item) for item in error.errors()]) from None
-
-
-def _explain(model: type[BaseModel], document: Document, at: KeyPath, item: Any) -> SettingsError:
-    path: KeyPath = (*at, *item["loc"])
-    if item["type"] == "extra_forbidden":
-        names = _fields_at(model, item["loc"][:-1])
-        hint = suggest(str(path[-1]), names) or (f"; allowed: {', '.join(names)}" if names else "")
-        return document.error(path, f"is not a known key{hint}")
-    message = item["msg"].removeprefix("Value error, ")
-    if item["type"] == "missing":
-        return document.error(path, "is required")
-    if "input" in item and "got" not in message:
-        message += f", got {item['input']!r}"
-    return document.error(path, message[0].lower() + message[1:])
-
-
-def _fields_at(model: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
-    """Field names of the (nested) model that a location of pydantic's points into."""
-    current: Any = model
-    for part in location:
-        fields = getattr(current, "model_fields", {})
-        if part in fields:
-            current = next((a for a in _models_in(fields[part].annotation)), None)
-    return list(getattr(current, "model_fields", {}))
-
-
-def _models_in(annotation: Any) -> list[Any]:
-    if hasattr(annotation, "model_fields"):
-        return [annotation]
-    return [model for inner in getattr(annotation, "__args__", ()) for model in _models_in(inner)]

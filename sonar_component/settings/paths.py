@@ -26,7 +26,7 @@ def find_file(ref: str | Path, beside: str | Path | None = None) -> Path:
     SettingsError
         If it is in none of these places; names the nearest file that exists.
     """
-    path = Path(ref).expanduser()
+    path = _expand(ref)
     if path.is_absolute():
         places = [path]
     else:
@@ -36,8 +36,29 @@ def find_file(ref: str | Path, beside: str | Path | None = None) -> Path:
             folders = [start, *list(start.parents)[:3], *folders]
         places = [folder / path for folder in dict.fromkeys(folders)]
     for place in places:
-        if place.exists():
+        if _exists(place):
             return place
-    siblings = [p.name for place in places if place.parent.is_dir() for p in place.parent.iterdir()]
+    siblings = [name for place in places for name in _names_in(place.parent)]
     tried = ", ".join(str(folder) for folder in dict.fromkeys(str(place.parent) for place in places))
     raise SettingsError(f"no such file{suggest(path.name, siblings)}; looked in {tried}", str(ref))
+
+
+def _expand(ref: str | Path) -> Path:
+    try:
+        return Path(ref).expanduser()
+    except RuntimeError:  # no such user, or no home
+        return Path(ref)
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name too long, or one that no file can have
+        return False
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return sorted(entry.name for entry in folder.iterdir())
+    except (OSError, ValueError):
+        return []

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator
@@ -28,6 +29,13 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
 }
 _SI = {dimension: next(iter(units)) for dimension, units in UNITS.items()}
 _NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*$")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Marks a field as a quantity, so that messages about it can name its unit."""
+
+    name: str
 
 
 def parse(value: Any, dimension: str) -> float:
@@ -58,7 +66,9 @@ def parse(value: Any, dimension: str) -> float:
 
 
 def describe(value: float, dimension: str) -> str:
-    """``0.35 rad`` and so on: the value with its SI unit, for messages."""
+    """``30 m`` and so on: the value with its SI unit, angles in degrees as people think of them, for messages."""
+    if dimension == "angle":
+        return f"{value / _DEGREE:.6g} deg"
     return f"{value:.6g} {_SI[dimension]}".rstrip()
 
 
@@ -66,13 +76,13 @@ def _quantity(dimension: str) -> BeforeValidator:
     return BeforeValidator(lambda value: parse(value, dimension), json_schema_input_type=float | str)
 
 
-Length = Annotated[float, _quantity("length")]
-Angle = Annotated[float, _quantity("angle")]
-Duration = Annotated[float, _quantity("duration")]
-Frequency = Annotated[float, _quantity("frequency")]
-Speed = Annotated[float, _quantity("speed")]
-AngularSpeed = Annotated[float, _quantity("angular speed")]
-Temperature = Annotated[float, _quantity("temperature")]
-Ratio = Annotated[float, _quantity("ratio")]
-Salinity = Annotated[float, _quantity("salinity")]
-Attenuation = Annotated[float, _quantity("attenuation")]
+Length = Annotated[float, _quantity("length"), Dimension("length")]
+Angle = Annotated[float, _quantity("angle"), Dimension("angle")]
+Duration = Annotated[float, _quantity("duration"), Dimension("duration")]
+Frequency = Annotated[float, _quantity("frequency"), Dimension("frequency")]
+Speed = Annotated[float, _quantity("speed"), Dimension("speed")]
+AngularSpeed = Annotated[float, _quantity("angular speed"), Dimension("angular speed")]
+Temperature = Annotated[float, _quantity("temperature"), Dimension("temperature")]
+Ratio = Annotated[float, _quantity("ratio"), Dimension("ratio")]
+Salinity = Annotated[float, _quantity("salinity"), Dimension("salinity")]
+Attenuation = Annotated[float, _quantity("attenuation"), Dimension("attenuation")]
