@@ -7,6 +7,8 @@ from typing import Any
 
 import moderngl
 
+Context = moderngl.Context  # so that rooms above can name it without importing moderngl
+
 _REQUIRED_VERSION = 430  # compute shaders and storage buffers
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "SwiftShader")
 

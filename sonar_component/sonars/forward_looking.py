@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.echo.truth import Truth
+from sonar_component.gl import Context
 from sonar_component.samples import Frame, RigidBodyState, Sonar
 from sonar_component.scene.world import World
 from sonar_component.sonars.imager import FanImager
@@ -19,7 +19,7 @@ class ForwardLookingSonar:
     Use it on the thread that made the context. Assign ``settings`` to change any of them from the next ping on.
     """
 
-    def __init__(self, context: moderngl.Context, settings: ForwardLookingSettings | None = None) -> None:
+    def __init__(self, context: Context, settings: ForwardLookingSettings | None = None) -> None:
         self._settings = settings or ForwardLookingSettings()
         self._imager = FanImager(context, self._settings, self._settings.beam_table())
 

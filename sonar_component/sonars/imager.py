@@ -6,7 +6,6 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +14,7 @@ from sonar_component.echo.beams import BeamTable
 from sonar_component.echo.binning import Scale, bin_footprints
 from sonar_component.echo.reduction import GpuReduction
 from sonar_component.echo.truth import Truth, strongest_samples
-from sonar_component.gl import Target, is_software
+from sonar_component.gl import Context, Target, is_software
 from sonar_component.render.footprints import FootprintRenderer, Optics, decode, strength_max
 from sonar_component.render.layout import build_layout
 from sonar_component.samples import Frame
@@ -32,7 +31,7 @@ class FanImager:
     Use it on the thread that made the context. Call ``adopt`` to change settings or beams from the next image on.
     """
 
-    def __init__(self, context: moderngl.Context, settings: SonarSettings, beams: BeamTable) -> None:
+    def __init__(self, context: Context, settings: SonarSettings, beams: BeamTable) -> None:
         self._context, self._software = context, is_software(context)
         self._renderer = FootprintRenderer(context)
         self._pool = ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "binning")

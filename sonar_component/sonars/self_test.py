@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 
+from sonar_component.gl import Context
 from sonar_component.samples import RigidBodyState
 from sonar_component.scene import Body, Material, Mesh, Part, World
 from sonar_component.sonars.forward_looking import ForwardLookingSonar
@@ -23,7 +23,7 @@ def wall_ahead(distance: float) -> World:
     return World([Body("wall", [Part(mesh, Material("plain"), np.eye(4))], np.eye(4))])
 
 
-def known_target(context: moderngl.Context) -> list[tuple[str, bool, str]]:
+def known_target(context: Context) -> list[tuple[str, bool, str]]:
     """Ping a wall 6 m ahead and compare with the truth.
 
     Returns
