@@ -35,7 +35,7 @@ def test_set_overrides_the_file_and_is_checked_like_it(graph: Any) -> None:
     file = graph.write(SOURCE)
     done = graph.sonar("run", file, "--set", "source.bins=0", "--seconds", 1)
     assert (done.returncode, done.stdout) == (2, "")
-    assert "bins: input should be greater than or equal to 1, got 0" in done.stderr
+    assert "bins: must be at least 1, got 0" in done.stderr
     done = graph.sonar("run", file, "--set", "sorce.bins=1", "--seconds", 1)
     assert (done.returncode, "did you mean" in done.stderr) == (2, True)
     done = graph.sonar("run", file, "--set", "bins", "--seconds", 1)

@@ -56,7 +56,7 @@ def test_values_from_the_command_line_count_last(tmp_path: Path) -> None:
 
 
 MISTAKES = [
-    ("version: 1", "version: 2", 1, "version: input should be 1"),
+    ("version: 1", "version: 2", 1, "version: must be 1"),
     ("tasks:", "taks:", 2, 'is not a known key (did you mean "tasks"?)'),
     ("type: SceneTask", "type: SeneTask", 4, '(did you mean "SceneTask"?)'),
     ("type: SceneTask", "type: os.system", 4, "is not a known task type"),
@@ -126,6 +126,6 @@ def test_sections_of_config_files_are_laid_over_each_other_from_left_to_right(tm
 def test_a_mistake_in_a_config_file_is_named_there(tmp_path: Path) -> None:
     (tmp_path / "fls.yaml").write_text("range: 10 m\nbin_count: 0\n")
     with pytest.raises(
-        SettingsError, match=r"fls\.yaml:2:1: bin_count: input should be greater than or equal to 1, got 0"
+        SettingsError, match=r"fls\.yaml:2:1: bin_count: must be at least 1, got 0"
     ):
         check(tmp_path, GOOD.replace("configs/sonars/gemini_720i.yaml", "fls.yaml"))
