@@ -195,6 +195,44 @@ def boulder(radius: float, rng: np.random.Generator, subdivisions: int = 3) -> S
     return Solid(v * distance[:, None] * squeeze * radius, np.array(m.faces))
 
 
+def loft(sections: Points) -> Solid:
+    """A closed skin over outlines (n, k, 3), with both ends closed."""
+    n, k = sections.shape[:2]
+    around = np.concatenate([sections, sections[:, :1]], axis=1)
+    i = np.arange(k)
+    ends = []
+    for end, flip in ((0, False), (n - 1, True)):
+        faces = np.stack([np.zeros(k, int), 1 + i, 1 + (i + 1) % k], 1)
+        centre = sections[end].mean(axis=0, keepdims=True)
+        ends.append(Solid(np.concatenate([centre, sections[end]]), faces[:, ::-1] if flip else faces))
+    return welded(join([grid(around), *ends]))
+
+
+def mirrored(solids: Sequence[Solid], axis: int) -> list[Solid]:
+    """The same solids on the other side of a plane through the origin."""
+    sign = np.ones(3)
+    sign[axis] = -1
+    return [Solid(solid.vertices * sign, solid.faces[:, ::-1]) for solid in solids]
+
+
+def lattice(
+    a: Sequence[float], u: Sequence[float], v: Sequence[float], cells: tuple[int, int], r: float
+) -> list[Solid]:
+    """Crossing rods over the parallelogram at corner a with sides u and v."""
+    a, u, v = (np.asarray(p, float) for p in (a, u, v))
+    rods = [rod(a + u * k / cells[0], a + u * k / cells[0] + v, r, 8) for k in range(cells[0] + 1)]
+    return rods + [rod(a + v * k / cells[1], a + v * k / cells[1] + u, r, 8) for k in range(cells[1] + 1)]
+
+
+def normal_map(heights: Points, cell: float) -> np.ndarray:
+    """Tangent-space normals (h, w, 3) uint8 of a relief that repeats; heights and the size of a texel in metres."""
+    right = (np.roll(heights, -1, axis=1) - np.roll(heights, 1, axis=1)) / (2 * cell)
+    up = (np.roll(heights, 1, axis=0) - np.roll(heights, -1, axis=0)) / (2 * cell)  # the first row is on top
+    n = np.stack([-right, -up, np.ones_like(heights)], -1)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    return np.rint(n * 127 + 128).clip(0, 255).astype(np.uint8)
+
+
 def save_glb(path: str, named: dict[str, tuple[list[Solid], str]]) -> int:
     """Write objects {name: (solids, material name)} as one binary glTF (float32, Z up); returns its triangles."""
     scene = trimesh.Scene()
