@@ -1,4 +1,4 @@
-"""Graphs of real processes for tests: a run directory of their own, stand-in tasks, and nothing left behind."""
+"""What tests share: a real GL context, and graphs of real processes with a run directory of their own."""
 
 from __future__ import annotations
 
@@ -116,3 +116,25 @@ def graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Graph]:
     yield graph
     graph.stop()
     shutil.rmtree(run, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def shared_context() -> Iterator[Any]:
+    """One context for all tests: opening one costs 50 ms, and a driver allows only so many."""
+    from sonar_component.gl import GLUnavailableError, create_context
+
+    try:
+        context = create_context()
+    except GLUnavailableError as error:
+        pytest.skip(f"needs OpenGL: {error}")  # the error says how to get it
+    yield context
+    context.release()
+
+
+@pytest.fixture
+def context(shared_context: Any) -> Iterator[Any]:
+    """The GL context, current and without errors; a test that leaves an error behind fails, not its neighbour."""
+    with shared_context:  # a task under test may have made its own context current
+        assert shared_context.error == "GL_NO_ERROR", "the context was dirty before this test"
+        yield shared_context
+        assert shared_context.error == "GL_NO_ERROR", "this test left the context dirty"

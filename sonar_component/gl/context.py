@@ -41,8 +41,11 @@ def create_context(device: int | None = None, driver: str | None = None) -> mode
         return moderngl.create_context(**options)
     except Exception as error:
         # glcontext raises bare Exceptions of many texts; all of them mean that there is no context to be had.
+        words = " ".join(str(error).split())
+        if device is not None and "device index" in words:
+            raise GLUnavailableError(f"no EGL device {device}: {words}; without a number the first is taken") from None
         raise GLUnavailableError(
-            f"no headless OpenGL 4.3 through EGL ({' '.join(str(error).split())}); "
+            f"no headless OpenGL 4.3 through EGL ({words}); "
             "on Debian or Ubuntu: sudo apt-get install libegl1 libgl1-mesa-dri libgl1"
         ) from None
 

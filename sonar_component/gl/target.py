@@ -14,6 +14,7 @@ class Target:
     """
 
     def __init__(self, context: moderngl.Context, columns: int, rows: int, components: int) -> None:
+        self._screen = context.detect_framebuffer(0)
         self.texture = context.texture((columns, rows), components, dtype="u4")
         self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._depth = context.depth_renderbuffer((columns, rows))
@@ -33,6 +34,8 @@ class Target:
 
     def release(self) -> None:
         """Give the GPU memory back."""
+        # moderngl binds the last framebuffer again when it makes another one, and one that is gone is a GL error.
+        self._screen.use()
         self.framebuffer.release()
         self.texture.release()
         self._depth.release()
