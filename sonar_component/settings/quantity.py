@@ -26,6 +26,7 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "ratio": {"": (1, 0), "%": (1e-2, 0)},
     "salinity": {"": (1, 0), "ppt": (1, 0), "psu": (1, 0)},
     "attenuation": {"dB/m": (1, 0), "dB/km": (1e-3, 0)},
+    "level": {"dB": (1, 0)},
 }
 _SI = {dimension: next(iter(units)) for dimension, units in UNITS.items()}
 _NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*$")
@@ -86,3 +87,4 @@ Temperature = Annotated[float, _quantity("temperature"), Dimension("temperature"
 Ratio = Annotated[float, _quantity("ratio"), Dimension("ratio")]
 Salinity = Annotated[float, _quantity("salinity"), Dimension("salinity")]
 Attenuation = Annotated[float, _quantity("attenuation"), Dimension("attenuation")]
+Level = Annotated[float, _quantity("level"), Dimension("level")]

@@ -10,6 +10,8 @@ from sonar_component.gl import Context
 from sonar_component.samples import Frame, RigidBodyState, Sonar
 from sonar_component.scene.world import World
 from sonar_component.sonars.imager import FanImager
+from sonar_component.sonars.in_ping import moving_echoes
+from sonar_component.sonars.receiver import Receiver
 from sonar_component.sonars.settings import ForwardLookingSettings
 
 
@@ -22,6 +24,7 @@ class ForwardLookingSonar:
     def __init__(self, context: Context, settings: ForwardLookingSettings | None = None) -> None:
         self._settings = settings or ForwardLookingSettings()
         self._imager = FanImager(context, self._settings, self._settings.beam_table())
+        self._receiver = Receiver(self._settings)
 
     @property
     def settings(self) -> ForwardLookingSettings:
@@ -31,6 +34,7 @@ class ForwardLookingSonar:
     @settings.setter
     def settings(self, settings: ForwardLookingSettings) -> None:
         self._imager.adopt(settings, settings.beam_table())
+        self._receiver.adopt(settings)
         self._settings = settings
 
     def ping(self, world: World, pose: RigidBodyState, rng: np.random.Generator | None = None) -> Sonar:
@@ -42,7 +46,7 @@ class ForwardLookingSonar:
         pose : RigidBodyState
             Of the sonar in the world; its time becomes the sample's.
         rng : numpy Generator, optional
-            Where speckle comes from; None leaves the image clean.
+            Where speckle comes from, if the settings enable it; None leaves the image clean.
 
         Raises
         ------
@@ -50,8 +54,9 @@ class ForwardLookingSonar:
             If the pose is not finite or not a rotation.
         """
         pose.validate()
-        bins = self._imager.echoes(world, pose.transform())
-        return self._sample(with_gain(bins, self._settings.gain), pose)
+        X_WS = pose.transform()
+        bins = self._moving(world, pose) if self._settings.in_ping_motion else self._imager.echoes(world, X_WS)
+        return self._sample(self._receiver.fan(bins, X_WS, rng), pose)
 
     def truth(self, world: World, pose: RigidBodyState) -> Truth:
         """What stands behind each bin of the ping from that pose."""
@@ -74,6 +79,13 @@ class ForwardLookingSonar:
         """Give GPU memory and threads back."""
         self._imager.release()
 
+    def _moving(self, world: World, pose: RigidBodyState) -> NDArray[np.float32]:
+        s, beams = self._settings, self._imager.beams
+        return moving_echoes(
+            lambda at: self._imager.echoes(world, at.transform()),
+            pose, s.range, s.range / s.bin_count, s.speed_of_sound, float((beams.left - beams.right).min()),
+        )  # fmt: skip
+
     def _sample(self, bins: NDArray[np.float32], pose: RigidBodyState) -> Sonar:
         s = self._settings
         return Sonar(
@@ -90,10 +102,3 @@ class ForwardLookingSonar:
             sensor_position=np.array(pose.position, np.float64),
             sensor_orientation=np.array(pose.orientation, np.float64),
         )
-
-
-def with_gain(bins: NDArray[np.float32], gain: float) -> NDArray[np.float32]:
-    """Rock's gain: 0.5 is unity, and what exceeds full scale is clipped to 1. Works in place."""
-    if gain != 0.5:
-        bins *= np.float32(2 * gain)
-    return np.minimum(bins, np.float32(1.0), out=bins)

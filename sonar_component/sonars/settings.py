@@ -10,8 +10,21 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from sonar_component.acoustics.absorption import absorption, nepers_per_metre
 from sonar_component.echo import beams
+from sonar_component.noise.properties import SpeckleProperties
 from sonar_component.samples.sonar import SPEED_OF_SOUND
-from sonar_component.settings.quantity import Angle, Frequency, Length, Ratio, Salinity, Speed, Temperature, describe
+from sonar_component.settings.errors import suggest
+from sonar_component.settings.quantity import (
+    Angle,
+    Frequency,
+    Length,
+    Level,
+    Ratio,
+    Salinity,
+    Speed,
+    Temperature,
+    describe,
+)
+from sonar_component.sonars.receiver_settings import TimeVaryingGain
 
 _DEG = math.pi / 180
 _LIMITS: dict[str, tuple[str, float, float]] = {  # property -> dimension, least, greatest
@@ -68,8 +81,18 @@ class SonarSettings(BaseModel):
         Of the noise.
     reduction : "auto", "cpu" or "gpu"
         Where samples become bins; auto takes the faster way for the driver.
+    speckle_properties : SpeckleProperties
+        Law, correlation and persistence of the speckle, or the name of a preset.
+    spreading : float
+        Loss by spreading, there and back [dB per decade of range]; 0 for a receiver that makes up for it.
+    time_varying_gain : TimeVaryingGain
+        What the receiver sets against losses.
+    in_ping_motion : bool
+        Whether the far bins of a ping see the later pose, from the velocities that come with the pose.
     frame : str
         Name of the sensor's frame in its samples.
+    unverified : list of str
+        Names of properties whose value in the file no source confirms.
     """
 
     model_config = ConfigDict(extra="forbid", validate_assignment=True, validate_default=True)
@@ -90,8 +113,21 @@ class SonarSettings(BaseModel):
     enable_attenuation: bool = False
     attenuation_properties: AttenuationProperties = AttenuationProperties()
     enable_speckle_noise: bool = False
+    speckle_properties: SpeckleProperties = SpeckleProperties()
+    spreading: Annotated[Level, Field(ge=0, le=80)] = 0.0
+    time_varying_gain: TimeVaryingGain = TimeVaryingGain()
+    in_ping_motion: bool = False
     reduction: Literal["auto", "cpu", "gpu"] = "auto"
     frame: str = "sonar"
+    unverified: list[str] = []
+
+    @field_validator("unverified")
+    @classmethod
+    def _unverified_names_properties(cls, names: list[str]) -> list[str]:
+        for name in names:
+            if name not in cls.model_fields:
+                raise ValueError(f"must name properties: there is no {name!r}{suggest(name, cls.model_fields)}")
+        return names
 
     @field_validator(*_LIMITS)
     @classmethod
@@ -108,6 +144,11 @@ class SonarSettings(BaseModel):
             raise ValueError(f"min_range must be below range ({self.range:g} m), got {self.min_range:g} m")
         return self
 
+    def doubts(self) -> list[str]:
+        """What no source confirms, in words."""
+        names = ", ".join(self.unverified)
+        return [f"no source confirms the values of: {names}"] if names else []
+
     @property
     def sigmoid(self) -> tuple[float, float] | None:
         """Slope and centre of the transfer in force, or None for a linear one."""
@@ -121,10 +162,13 @@ class ForwardLookingSettings(SonarSettings):
     Attributes
     ----------
     beam_count : int
+    kind : str
+        Tells a settings file for this sonar from others.
     bearings : "equal_angle", "equal_sine" or list of float
         Beam centres [rad], left positive. A list sets beam_count and beam_width.
     """
 
+    kind: Literal["forward_looking"] = "forward_looking"
     beam_count: Annotated[int, Field(ge=1, le=4096)] = 256
     bearings: Literal["equal_angle", "equal_sine"] | list[Angle] = "equal_angle"
 

@@ -1,0 +1,152 @@
+"""One ping of a scanning sonar, from world, pose and head bearing to a one-beam sample: each step is one room."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from sonar_component.echo.truth import Truth
+from sonar_component.samples import Frame, RigidBodyState, Sonar
+from sonar_component.samples.motion import exponential, product
+from sonar_component.scene.world import World
+from sonar_component.sonars.imager import FanImager
+from sonar_component.sonars.in_ping import moving_echoes
+from sonar_component.sonars.receiver import Receiver
+from sonar_component.sonars.scan_head import ScanHead, wrapped
+from sonar_component.sonars.scanning_settings import ScanningSettings
+
+_UP = np.array([0.0, 0.0, 1.0])  # the head's axis, in the frame of its base
+
+
+class ScanningSonar:
+    """Renders pings of one beam; the head moves when told to.
+
+    Use it on the thread that made the context. Assign ``settings`` to change any of them from the next ping on.
+
+    Attributes
+    ----------
+    head : ScanHead
+        Where the next ping looks.
+    """
+
+    def __init__(self, context: moderngl.Context, settings: ScanningSettings | None = None) -> None:
+        self._settings = settings or ScanningSettings()
+        self._imager = FanImager(context, self._settings, self._settings.beam_table())
+        self._receiver = Receiver(self._settings)
+        self.head = ScanHead(self._settings)
+
+    @property
+    def settings(self) -> ScanningSettings:
+        """Settings in force."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: ScanningSettings) -> None:
+        self._imager.adopt(settings, settings.beam_table())
+        self._receiver.adopt(settings)
+        if _path(settings) != _path(self._settings):
+            bearing, self.head = self.head.bearing, ScanHead(settings)
+            self.head.look_at(bearing)
+        self._settings = settings
+
+    def ping(
+        self,
+        world: World,
+        pose: RigidBodyState,
+        rng: np.random.Generator | None = None,
+        bearing: float | None = None,
+    ) -> Sonar:
+        """Render one ping where the head looks, and leave the head there.
+
+        Parameters
+        ----------
+        world : World
+        pose : RigidBodyState
+            Of the sonar's base in the world; its time becomes the sample's.
+        rng : numpy Generator, optional
+            Where speckle comes from, if settings enable it; None leaves the image clean.
+        bearing : float, optional
+            Look there instead [rad].
+
+        Raises
+        ------
+        ValueError
+            If the pose is not finite or not a rotation.
+        """
+        pose.validate()
+        bearing = self.head.bearing if bearing is None else wrapped(bearing)
+        looking = self._turned(pose, bearing)
+        if self._settings.in_ping_motion:
+            bins = self._moving(world, looking)
+        else:
+            bins = self._imager.echoes(world, looking.transform())
+        bins = self._receiver.beam(bins, pose.transform(), self.head.place, self.head.places, rng)
+        return self._sample(bins, pose, bearing)
+
+    def truth(self, world: World, pose: RigidBodyState, bearing: float | None = None) -> Truth:
+        """What stands behind each bin of the ping from that pose."""
+        pose.validate()
+        bearing = self.head.bearing if bearing is None else bearing
+        return self._imager.truth(world, self._turned(pose, bearing).transform())
+
+    def shader_image(self, time: int) -> Frame:
+        """The samples of the last ping: see ``FanImager.shader_image``."""
+        return self._imager.shader_image(time)
+
+    def explain(self) -> list[str]:
+        """What was chosen for these settings, and why, one line each."""
+        return self._imager.explain()
+
+    def remarks(self, sample: Sonar) -> list[str]:
+        """Why an image is black or white, in words; empty for a good one."""
+        return self._imager.remarks(sample.bins)
+
+    def release(self) -> None:
+        """Give GPU memory and threads back."""
+        self._imager.release()
+
+    def _turned(self, pose: RigidBodyState, bearing: float) -> RigidBodyState:
+        """Pose of the head: the base, turned about its Z axis."""
+        q_SH = exponential(bearing * _UP)
+        c, s = math.cos(bearing), math.sin(bearing)
+        R_HS = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return RigidBodyState(
+            time=pose.time,
+            position=pose.position,
+            orientation=product(np.asarray(pose.orientation, np.float64), q_SH),
+            velocity=pose.velocity,
+            angular_velocity=R_HS @ pose.angular_velocity,
+        )
+
+    def _moving(self, world: World, looking: RigidBodyState) -> NDArray[np.float32]:
+        s = self._settings
+        return moving_echoes(
+            lambda at: self._imager.echoes(world, at.transform()),
+            looking, s.range, s.range / s.bin_count, s.speed_of_sound, s.beam_width,
+        )  # fmt: skip
+
+    def _sample(self, bins: NDArray[np.float32], pose: RigidBodyState, bearing: float) -> Sonar:
+        s = self._settings
+        return Sonar(
+            time=pose.time,
+            bin_duration=s.range / s.bin_count / s.speed_of_sound,
+            beam_width=s.beam_width,
+            beam_height=s.beam_height,
+            bearings=np.array([bearing]),
+            speed_of_sound=s.speed_of_sound,
+            bin_count=s.bin_count,
+            beam_count=1,
+            bins=bins,
+            frame=s.frame,
+            sensor_position=np.array(pose.position, np.float64),
+            sensor_orientation=np.array(pose.orientation, np.float64),
+        )
+
+
+def _path(settings: ScanningSettings) -> tuple[object, ...]:
+    """What the head's way depends on."""
+    s = settings
+    return s.left_limit, s.right_limit, s.motor_step, s.continuous, s.start_bearing

@@ -1,0 +1,99 @@
+"""What a user sets on a scanning sonar: Rock's property names, and the pace of its head."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from sonar_component.echo import beams
+from sonar_component.settings.quantity import Angle, AngularSpeed, Duration
+from sonar_component.sonars.settings import SonarSettings
+
+_DEG = math.pi / 180
+_TURN = 2 * math.pi  # [rad]
+_LEAST_STEP = 0.01 * _DEG  # [rad], a fortieth of the finest head we know; a smaller one would make endless scans
+_SAME = 1e-9  # [rad], differences below it come from converting degrees
+
+
+class ScanningSettings(SonarSettings):
+    """Settings of a mechanically scanning sonar, in the words of Rock's ScanningSonarTask.
+
+    Attributes
+    ----------
+    kind : str
+        Tells a settings file for this sonar from others.
+    left_limit, right_limit : float
+        The sector [rad]: it begins at left_limit and goes the way bearings grow, counter-clockwise seen from above, to
+        right_limit, as in Rock's simulator. So -45 and 45 deg is the quarter ahead, and left_limit > right_limit is a
+        sector through 180 deg. Not used where ``continuous``.
+    motor_step : float
+        Between two pings [rad].
+    continuous : bool
+        Turn for ever; otherwise back and forth between the limits.
+    start_bearing : float, optional
+        Where the first ping looks [rad]; left_limit by default, or 0 where ``continuous``.
+    head_speed : float
+        How fast the head turns between pings [rad/s].
+    bin_time : float
+        What the device needs for each bin besides listening, such as sending it to its host [s].
+    min_ping_period : float
+        The device pings no faster [s].
+    """
+
+    kind: Literal["scanning"] = "scanning"
+    beam_width: Angle = 3 * _DEG
+    beam_height: Angle = 35 * _DEG
+    left_limit: Annotated[Angle, Field(ge=-math.pi - _SAME, le=math.pi + _SAME)] = -math.pi
+    right_limit: Annotated[Angle, Field(ge=-math.pi - _SAME, le=math.pi + _SAME)] = math.pi
+    motor_step: Angle = 1.8 * _DEG
+    continuous: bool = True
+    start_bearing: Annotated[Angle, Field(ge=-math.pi - _SAME, le=math.pi + _SAME)] | None = None
+    head_speed: Annotated[AngularSpeed, Field(gt=0, le=1000)] = 180 * _DEG
+    bin_time: Annotated[Duration, Field(ge=0, le=0.1)] = 0.0
+    min_ping_period: Annotated[Duration, Field(ge=0, le=60)] = 0.0
+
+    @model_validator(mode="after")
+    def _head_can_move(self) -> ScanningSettings:
+        sector = self.sector
+        if sector < _SAME:
+            got = f"{_degrees(self.left_limit)} and {_degrees(self.right_limit)}"
+            raise ValueError(f"left_limit and right_limit must differ: a sector has a width, got {got}")
+        if not _LEAST_STEP - _SAME <= self.motor_step <= sector + _SAME:
+            allowed = f"{_degrees(_LEAST_STEP)} to the width of the sector, {_degrees(sector)}"
+            raise ValueError(f"motor_step must be {allowed}, got {_degrees(self.motor_step)}")
+        if self.start_bearing is not None and self.offset(self.start_bearing) > sector + _SAME:
+            allowed = f"from left_limit {_degrees(self.left_limit)} on to right_limit {_degrees(self.right_limit)}"
+            raise ValueError(f"start_bearing must be in the sector, {allowed}, got {_degrees(self.start_bearing)}")
+        return self
+
+    @property
+    def sector(self) -> float:
+        """Width of what the head covers [rad]: a full turn where continuous."""
+        if self.continuous:
+            return _TURN
+        span = self.right_limit - self.left_limit
+        if abs(span - _TURN) < _SAME:
+            return _TURN
+        return 0.0 if abs(span) < _SAME or abs(span + _TURN) < _SAME else span % _TURN
+
+    def offset(self, bearing: float) -> float:
+        """How far a bearing lies beyond left_limit, counter-clockwise [rad], 0 to a turn."""
+        beyond = (bearing - self.left_limit) % _TURN
+        return 0.0 if _TURN - beyond < _SAME and not self.continuous else beyond
+
+    @property
+    def ping_period(self) -> float:
+        """Time from ping to ping [s]: listen to the last bin, hand the bins over, turn the head."""
+        listen = 2 * self.range / self.speed_of_sound
+        turn = self.motor_step / self.head_speed
+        return max(listen + self.bin_count * self.bin_time + turn, self.min_ping_period)
+
+    def beam_table(self) -> beams.BeamTable:
+        """The one beam, about the head's own axis."""
+        return beams.equal_angle(1, self.beam_width, self.beam_height)
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.6g} deg"
