@@ -108,13 +108,8 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise SettingsError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file) from None
-    loader = _Loader(text)
     try:
-        node = loader.get_single_node()
-        positions: dict[KeyPath, tuple[int, int]] = {}
-        if node is not None:
-            _walk(node, (), file, positions, 0)
-        data = loader.construct_document(node) if node is not None else None
+        data, positions = _read(text, file)
     except SettingsError:
         raise
     except yaml.MarkedYAMLError as error:
@@ -124,9 +119,21 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
         raise SettingsError(f"is not YAML: {words}", file, line, column) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingsError(f"is not YAML: {str(error).splitlines()[0]}", file) from None
+    return Document(data, file, positions)
+
+
+def _read(text: str, file: str) -> tuple[Any, dict[KeyPath, tuple[int, int]]]:
+    """The data, and where each key stands."""
+    loader = _Loader(text)
+    positions: dict[KeyPath, tuple[int, int]] = {}
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None, positions
+        _walk(node, (), file, positions, 0)
+        return loader.construct_document(node), positions
     finally:
         loader.dispose()
-    return Document(data, file, positions)
 
 
 def overlay(document: Document, settings: list[str], source: str) -> Document:
