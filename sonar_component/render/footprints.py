@@ -16,6 +16,7 @@ from sonar_component.render.layout import Layout, View
 Array = NDArray[np.float64]
 
 _DRAWN_BEYOND = 1.25  # [-], of the range: a cell whose centre lies beyond the last bin may still reach into it
+_CLIP_DISTANCE_0 = 0x3000  # GL_CLIP_DISTANCE0, which moderngl does not name
 _SHADERS = "sonar_component.render.shaders"
 
 
@@ -49,33 +50,34 @@ class FootprintRenderer:
         self._program: moderngl.Program | None = None
         self._features: dict[str, object] = {}
         self._array: moderngl.VertexArray | None = None
+        self._generation = -1
         self._target: Target | None = None
-        self._indirect: moderngl.Buffer | None = None
+        self._projections: tuple[Layout, Optics] | None = None
         self.geometry = Geometry(context)
 
     def draw(self, X_WS: Array, layout: Layout, optics: Optics) -> Target:
         """Draw the world in ``geometry`` as seen from a sonar at X_WS (4, 4) [m]; returns the target to read."""
-        self._prepare(layout, optics)
-        assert self._target is not None
-        self._target.clear()
+        target = self._prepare_target(layout, optics)
+        target.clear()
         if self.geometry.empty:
-            return self._target
-        assert self._program is not None
-        assert self._array is not None
-        centres = self.geometry.place(X_WS)
-        self._set_uniforms(optics)
+            return target
+        view = layout.views[0]
+        seen = tiles.seen(
+            self.geometry.place(X_WS),
+            self.geometry.tile_radius,
+            layout.azimuths,
+            view.half_width,
+            view.y_step * view.rows / 2,
+            _DRAWN_BEYOND * optics.range_max,
+        )
+        commands, count = self.geometry.select(seen)
+        array = self._prepare_program(layout, optics)
         self._context.enable_only(moderngl.DEPTH_TEST)
-        far = _DRAWN_BEYOND * optics.range_max
-        chosen = [self._visible(view, layout, centres, far) for view in layout.views]
-        commands = self._send_commands(np.concatenate(chosen))
-        first = 0
-        for view, visible in zip(layout.views, chosen, strict=True):
-            if visible.size:
-                self._target.framebuffer.viewport = (0, view.first_column, layout.rows, view.columns)
-                set_uniforms(self._program, X_DS=projection(view, layout.rows, near_plane(optics), far))
-                self._array.render_indirect(commands, count=visible.size, first=first)
-            first += visible.size
-        return self._target
+        self._context.enable_direct(_CLIP_DISTANCE_0)
+        self._context.enable_direct(_CLIP_DISTANCE_0 + 1)
+        if count:
+            array.render_indirect(commands, count=count)
+        return target
 
     def read(self) -> NDArray[np.uint32]:
         """Read what was drawn last; see shaders/footprint.frag."""
@@ -84,58 +86,10 @@ class FootprintRenderer:
 
     def release(self) -> None:
         """Give GPU memory back."""
-        for thing in (self._target, self._array, self._program, self._indirect):
+        for thing in (self._target, self._array, self._program):
             if thing is not None:
                 thing.release()
         self.geometry.release()
-
-    def _visible(self, view: View, layout: Layout, centres: Array, far: float) -> NDArray[np.intp]:
-        mask = tiles.seen(centres, self.geometry.tile_radius, view.azimuth, view.half_width, -view.y_bottom, far)
-        return np.flatnonzero(mask)
-
-    def _send_commands(self, visible: NDArray[np.intp]) -> moderngl.Buffer:
-        data = self.geometry.commands(visible)
-        if self._indirect is None or self._indirect.size < data.nbytes:
-            if self._indirect is not None:
-                self._indirect.release()
-            self._indirect = self._context.buffer(reserve=max(4096, 2 * data.nbytes))
-        if data.size:
-            self._indirect.write(data.tobytes())
-        return self._indirect
-
-    def _set_uniforms(self, optics: Optics) -> None:
-        assert self._program is not None
-        values: dict[str, float] = {
-            "range_max": optics.range_max,
-            "strength_max": strength_max(optics, self.geometry.reflectance_max),
-        }
-        if optics.sigmoid is not None:
-            values["sigmoid_slope"], values["sigmoid_centre"] = optics.sigmoid
-        if optics.attenuation:
-            values["attenuation"] = optics.attenuation
-        set_uniforms(self._program, **values)
-        if self.geometry.normal_maps is not None:
-            self.geometry.normal_maps.use(0)
-            set_uniforms(self._program, normal_maps=0)
-
-    def _prepare(self, layout: Layout, optics: Optics) -> None:
-        components = 4 if optics.truth else 2
-        shape = (layout.columns, layout.rows, components)
-        if self._target is None or self._target.pixels.shape != shape:
-            if self._target is not None:
-                self._target.release()
-            self._target = Target(self._context, layout.rows, layout.columns, components)
-        if self.geometry.empty:
-            return
-        features = self.features(optics)
-        if self._program is None or features != self._features:
-            self._features = features
-            self._program = load_program(
-                self._context, _SHADERS, features, vertex_shader="footprint.vert", fragment_shader="footprint.frag"
-            )
-            self._array = None
-        if self._array is None:
-            self._array = self._bind(self._program, optics)
 
     def features(self, optics: Optics) -> dict[str, object]:
         """#defines of the features in use."""
@@ -147,18 +101,55 @@ class FootprintRenderer:
         }
         return {name: 1 for name, on in wanted.items() if on}
 
-    def geometry_changed(self) -> None:
-        """The geometry has new buffers: bind them before the next draw."""
-        self._array = None
+    def _prepare_target(self, layout: Layout, optics: Optics) -> Target:
+        components = 4 if optics.truth else 2
+        if self._target is None or self._target.pixels.shape != (layout.columns, layout.rows, components):
+            if self._target is not None:
+                self._target.release()
+            self._target = Target(self._context, layout.rows, layout.columns, components)
+        return self._target
+
+    def _prepare_program(self, layout: Layout, optics: Optics) -> moderngl.VertexArray:
+        features = self.features(optics)
+        defines = {**features, "VIEWS": len(layout.views)}
+        if self._program is None or defines != self._features:
+            self._features = defines
+            self._program = load_program(
+                self._context, _SHADERS, defines, vertex_shader="footprint.vert", fragment_shader="footprint.frag"
+            )
+            self._array = self._projections = None
+        if self._array is None or self._generation != self.geometry.generation:
+            self._array, self._generation = self._bind(self._program, optics), self.geometry.generation
+        if self._projections is None or self._projections[0] is not layout or self._projections[1] != optics:
+            self._projections = (layout, optics)
+            far = _DRAWN_BEYOND * optics.range_max
+            matrices = [projection(view, layout.columns, near_plane(optics), far) for view in layout.views]
+            bands = np.array([(view.first_column, view.columns) for view in layout.views], np.float32)
+            set_uniforms(self._program, X_DS=b"".join(matrices), band=bands.tobytes(), shear=layout.views[0].shear)
+            set_uniforms(self._program, column_count=float(layout.columns), range_max=optics.range_max)
+            self._set_optics(self._program, optics)
+        # Reflectances may have changed with the world.
+        set_uniforms(self._program, strength_max=strength_max(optics, self.geometry.reflectance_max))
+        if self.geometry.normal_maps is not None:
+            self.geometry.normal_maps.use(0)
+        return self._array
+
+    def _set_optics(self, program: moderngl.Program, optics: Optics) -> None:
+        if optics.sigmoid is not None:
+            set_uniforms(program, sigmoid_slope=optics.sigmoid[0], sigmoid_centre=optics.sigmoid[1])
+        if optics.attenuation:
+            set_uniforms(program, attenuation=optics.attenuation)
+        if self.geometry.normal_maps is not None:
+            set_uniforms(program, normal_maps=0)
 
     def _bind(self, program: moderngl.Program, optics: Optics) -> moderngl.VertexArray:
         layout, names = "3f 3f", ["in_position", "in_normal"]
         if self.geometry.has_normal_maps:
             layout, names = layout + " 2f", [*names, "in_uv"]
         instanced = ["4f", "4f", "4f", "1f", "1u" if optics.truth else "4x"]
-        instanced.append("1u" if self.geometry.has_normal_maps else "4x")
+        instanced += ["1u" if self.geometry.has_normal_maps else "4x", "1u"]
         of_instance = ["in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance"]
-        of_instance += ["in_id"] * optics.truth + ["in_texture_layer"] * self.geometry.has_normal_maps
+        of_instance += ["in_id"] * optics.truth + ["in_texture_layer"] * self.geometry.has_normal_maps + ["in_view"]
         content = [
             (self.geometry.vertices, layout, *names),
             (self.geometry.instances, " ".join(instanced) + "/i", *of_instance),
@@ -191,21 +182,22 @@ def near_plane(optics: Optics) -> float:
     return 0.25 * optics.bin_length
 
 
-def projection(view: View, rows: int, near: float, far: float) -> bytes:
+def projection(view: View, column_count: int, near: float, far: float) -> bytes:
     """Sonar frame to clip space of one view, as 16 float32 in OpenGL's column order.
 
     This is the one place where X forward, Y left, Z up turns into OpenGL's axes: x along elevation, y from left to
-    right.
+    right over all views of the target.
     """
     c, s = np.cos(view.azimuth), np.sin(view.azimuth)
     depth = np.array([c, s, 0.0, 0.0])
-    right = np.array([s, -c, 0.0, 0.0])
-    up = np.array([0.0, 0.0, 1.0, 0.0])
-    width, height = view.columns * view.x_step, rows * view.y_step
+    # Place of a point in the view, in columns from its left edge and rows from its lower one, both times depth.
+    column = (np.array([s, -c, 0.0, 0.0]) - view.x_left * depth) / view.x_step
+    from_middle = column - view.columns / 2 * depth
+    row = np.array([0.0, 0.0, 1.0 / view.y_step, 0.0]) + view.shear * from_middle + view.rows / 2 * depth
     X_DS = np.array(
         [
-            2 / height * up - (2 * view.y_bottom / height + 1) * depth,
-            2 / width * right - (2 * view.x_left / width + 1) * depth,
+            2 / view.rows * row - depth,
+            2 / column_count * (column + view.first_column * depth) - depth,
             (far + near) / (far - near) * depth + np.array([0, 0, 0, -2 * far * near / (far - near)]),
             depth,
         ]

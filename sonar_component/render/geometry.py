@@ -1,75 +1,72 @@
-"""The world on the GPU: every mesh once in one vertex and one index buffer, a matrix for each part."""
+"""The world on the GPU: its buffers, its poses, and one list of draws for all views of a fan."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_component.render import tiles
-from sonar_component.scene.mesh import Mesh
+from sonar_component.render.packing import COMMAND, INSTANCE, Packed, pack
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
 
-_INSTANCE = np.dtype(
-    [("X_SM", np.float32, (3, 4)), ("reflectance", np.float32), ("id", np.uint32), ("texture_layer", np.uint32)]
-)
 _GRID = 2.0**20  # [1/m]: see _relative
-
-
-@dataclass(frozen=True)
-class _Tile:
-    part: int
-    first_index: int
-    index_count: int
-    base_vertex: int
-    centre: Array
-    radius: float
+_SPARE = 2  # [-], room for draws in the buffers, relative to what is needed when they are made
 
 
 class Geometry:
-    """Buffers of a world, refreshed when it changes.
+    """Buffers of a world, made anew when it changes.
 
     Attributes
     ----------
-    body_names : list of str
-        Body of id k + 1 in truth images.
-    reflectance_max : float
-        Greatest reflectance of any part.
-    warnings : list of str
-        What was left out, by name.
+    generation : int
+        Grows whenever a buffer is another one, so that whoever bound them binds again.
     """
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._world: World | None = None
         self._version = -1
-        self.body_names: list[str] = []
-        self.reflectance_max = 1.0
-        self.has_normal_maps = False
+        self._packed = pack(World())
+        self.generation = 0
         self.vertices: moderngl.Buffer | None = None
         self.indices: moderngl.Buffer | None = None
         self.instances: moderngl.Buffer | None = None
         self.normal_maps: moderngl.TextureArray | None = None
+        self._commands: moderngl.Buffer | None = None
 
     @property
     def empty(self) -> bool:
         """Whether there is nothing to draw."""
-        return self._tile_part.size == 0
+        return len(self._packed.commands) == 0
 
-    def update(self, world: World) -> bool:
-        """Load the world again if its geometry changed; True if the buffers are new."""
+    @property
+    def has_normal_maps(self) -> bool:
+        """Whether any part has one."""
+        return bool(self._packed.normal_maps)
+
+    @property
+    def reflectance_max(self) -> float:
+        """Greatest reflectance of any part."""
+        return float(self._packed.instances["reflectance"].max()) if not self.empty else 1.0
+
+    @property
+    def tile_radius(self) -> Array:
+        """(tiles,) float64: radii of the tiles' spheres [m]."""
+        return self._packed.tile_radius
+
+    def update(self, world: World) -> None:
+        """Load the world again if its geometry changed."""
         if world is self._world and world.geometry_version == self._version:
-            return False
-        self._world, self._version = world, world.geometry_version
-        self._load(world)
-        return True
+            return
+        self.release()
+        self._world, self._version, self._packed = world, world.geometry_version, pack(world)
+        if not self.empty:
+            self._upload(self._packed)
 
     def place(self, X_WS: Array) -> Array:
-        """Bring all parts into the sonar's frame and send their matrices.
+        """Bring all parts into the sonar's frame.
 
         Parameters
         ----------
@@ -82,95 +79,48 @@ class Geometry:
             Centres of the tiles in the sonar's frame [m].
         """
         assert self._world is not None
-        bodies = list(self._world.bodies.values())
-        X_WB = np.array([body.X_WB for body in bodies]).reshape(-1, 4, 4)[self._part_body]
-        X_SM = (_relative(X_WS, X_WB) @ self._X_BM)[self._tile_part]
-        self._instances["X_SM"] = X_SM[:, :3, :]
+        p = self._packed
+        X_WB = np.array([body.X_WB for body in self._world.bodies.values()]).reshape(-1, 4, 4)
+        X_SM = (_relative(X_WS, X_WB)[p.part_body] @ p.X_BM)[p.tile_part, :3]
+        p.instances["X_SM"] = X_SM
+        return np.asarray((X_SM[:, :, :3] @ p.tile_centre[:, :, None])[:, :, 0] + X_SM[:, :, 3])
+
+    def select(self, seen: NDArray[np.bool_]) -> tuple[moderngl.Buffer, int]:
+        """Send the draws of the tiles that each view sees, (views, tiles) bool; returns commands and their number."""
+        views, chosen = np.nonzero(seen)
+        instances = self._packed.instances[chosen]
+        instances["view"] = views
+        commands = self._packed.commands[chosen]
+        commands["base_instance"] = np.arange(len(chosen))
+        if self._commands is None or self._commands.size < commands.nbytes:
+            self._reserve(_SPARE * max(len(chosen), len(self._packed.commands)))
+        assert self._commands is not None
         assert self.instances is not None
-        self.instances.write(self._instances)
-        return np.asarray((X_SM[:, :3, :3] @ self._tile_centre[:, :, None])[:, :, 0] + X_SM[:, :3, 3])
+        self.instances.write(instances)
+        self._commands.write(commands)
+        return self._commands, len(chosen)
 
-    def commands(self, visible: NDArray[np.intp]) -> NDArray[np.uint32]:
-        """(n, 5) uint32: indirect draw commands of the tiles with these indices."""
-        return self._commands[visible]
+    def _reserve(self, draws: int) -> None:
+        for buffer in (self._commands, self.instances):
+            if buffer is not None:
+                buffer.release()
+        self._commands = self._context.buffer(reserve=draws * COMMAND.itemsize, dynamic=True)
+        self.instances = self._context.buffer(reserve=draws * INSTANCE.itemsize, dynamic=True)
+        self.generation += 1
 
-    @property
-    def tile_radius(self) -> Array:
-        """(tiles,) float64: radii of the tiles' spheres [m]."""
-        return self._tile_radius
-
-    def _load(self, world: World) -> None:
-        self.release()
-        place: dict[int, int] = {}
-        meshes: list[Mesh] = []
-        parts: list[tuple[Array, float, int, int]] = []
-        part_body, X_BM, tile_list = [], [], []
-        split: dict[int, list[tuple[int, int, Array, float]]] = {}
-        first_index = base_vertex = 0
-        index_chunks: list[NDArray[np.int32]] = []
-        bases: dict[int, int] = {}
-        maps: dict[int, int] = {}
-        map_images: list[NDArray[np.uint8]] = []
-        for body_index, body in enumerate(world.bodies.values()):
-            for part in body.parts:
-                key = id(part.mesh)
-                if key not in place:
-                    place[key] = len(meshes)
-                    meshes.append(part.mesh)
-                    bases[key] = base_vertex
-                    base_vertex += len(part.mesh.vertices)
-                    split[key] = []
-                    for chosen in tiles.split(part.mesh.vertices, part.mesh.faces):
-                        faces = part.mesh.faces[chosen]
-                        index_chunks.append(faces.ravel())
-                        centre, radius = tiles.bounding_sphere(part.mesh.vertices[faces.ravel()])
-                        split[key].append((first_index, faces.size, centre, radius))
-                        first_index += faces.size
-                layer = 0
-                image = part.material.normal_map
-                if image is not None and part.mesh.uv is not None:
-                    if id(image) not in maps:
-                        map_images.append(image)
-                        maps[id(image)] = len(map_images)
-                    layer = maps[id(image)]
-                for first, count, centre, radius in split[key]:
-                    tile_list.append(_Tile(len(parts), first, count, bases[key], centre, radius))
-                parts.append((np.zeros((3, 4)), part.material.reflectance, body_index + 1, layer))
-                part_body.append(body_index)
-                X_BM.append(part.X_BM)
-        self.body_names = list(world.bodies)
-        self.reflectance_max = max((float(p[1]) for p in parts), default=1.0)
-        self._part_body = np.array(part_body, np.intp)
-        self._X_BM = np.array(X_BM, np.float64).reshape(-1, 4, 4)
-        self._tile_part = np.array([t.part for t in tile_list], np.intp)
-        self._instances = np.array(parts, _INSTANCE)[self._tile_part]
-        self._tile_centre = np.array([t.centre for t in tile_list], np.float64).reshape(-1, 3)
-        self._tile_radius = np.array([t.radius for t in tile_list], np.float64)
-        self._commands = np.array(
-            [(t.index_count, 1, t.first_index, t.base_vertex, k) for k, t in enumerate(tile_list)], np.uint32
-        ).reshape(-1, 5)
-        self.has_normal_maps = bool(map_images)
-        if tile_list:
-            self._upload(meshes, index_chunks, map_images)
-
-    def _upload(self, meshes: list[Mesh], index_chunks: list[NDArray[np.int32]], maps: list[NDArray[np.uint8]]) -> None:
-        columns = [np.concatenate([m.vertices.astype(np.float32) for m in meshes])]
-        columns.append(np.concatenate([m.normals.astype(np.float32) for m in meshes]))
-        if maps:
-            none = [np.zeros((len(m.vertices), 2), np.float32) if m.uv is None else m.uv for m in meshes]
-            columns.append(np.concatenate(none).astype(np.float32))
-        self.vertices = self._context.buffer(np.ascontiguousarray(np.hstack(columns)).tobytes())
-        self.indices = self._context.buffer(np.concatenate(index_chunks).astype(np.uint32).tobytes())
-        self.instances = self._context.buffer(reserve=self._instances.nbytes, dynamic=True)
-        if maps:
-            self.normal_maps = _texture_array(self._context, maps)
+    def _upload(self, packed: Packed) -> None:
+        self.vertices = self._context.buffer(packed.vertices)
+        self.indices = self._context.buffer(packed.indices)
+        self._reserve(_SPARE * len(packed.commands))
+        if packed.normal_maps:
+            self.normal_maps = _texture_array(self._context, packed.normal_maps)
 
     def release(self) -> None:
         """Give the GPU memory back."""
-        for thing in (self.vertices, self.indices, self.instances, self.normal_maps):
+        for thing in (self.vertices, self.indices, self.instances, self._commands, self.normal_maps):
             if thing is not None:
                 thing.release()
-        self.vertices = self.indices = self.instances = self.normal_maps = None
+        self.vertices = self.indices = self.instances = self._commands = self.normal_maps = None
 
 
 def _relative(X_WS: Array, X_WB: Array) -> Array:

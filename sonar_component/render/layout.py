@@ -5,7 +5,10 @@ line up with the beams. A few views of at most 45 deg can, each turned about the
 one bearing. Every cell carries its exact solid angle inside the aperture; cells across its edge carry their share.
 
 Views are drawn lying on their side: a column of samples, one bearing, is a line of the target, so that whoever bins a
-beam walks through memory in order.
+beam walks through memory in order. They are also drawn sheared: each column's cells lie a fraction of a cell lower than
+its neighbour's. The columns of one beam then cut a horizontal edge (a crest, a shadow, the top of a box) at different
+elevations, as interleaved draws or multisampling would, without a second pass over the triangles. The shear costs rows
+at a view's corners, so views are kept narrow.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MAX_VIEW = np.radians(45.0)  # [rad]; wider views spend more cells above the aperture and at their sides
+_MOST_SHEARED = 0.3  # [-], rows added to a view by its shear, relative to those over the aperture
+_LEAST_COLUMNS = 16  # [-], per view: below that the shear's rows are fewer than what another view costs
 
 
 @dataclass(frozen=True)
@@ -34,22 +39,31 @@ class View:
         Half of the view's azimuth [rad].
     first_column, columns : int
         Place in the target.
-    x_left, x_step, y_bottom, y_step : float
-        Left edge, width of a cell, lower edge, height of a cell [tangent].
+    rows : int
+    x_left, x_step, y_step : float
+        Left edge, width of a cell, height of a cell [tangent].
+    shear : float
+        By how much each column's cells lie below those of its left neighbour [cells].
     """
 
     azimuth: float
     half_width: float
     first_column: int
     columns: int
+    rows: int
     x_left: float
     x_step: float
-    y_bottom: float
     y_step: float
+    shear: float
 
     def column_centres(self) -> Array:
         """(columns,) float64: x of the cells [tangent]."""
         return self.x_left + (np.arange(self.columns, dtype=np.float64) + 0.5) * self.x_step
+
+    def column_bottoms(self) -> Array:
+        """(columns,) float64: lower edge of the lowest cell of each column [tangent]."""
+        tilt = self.shear * (np.arange(self.columns) + 0.5 - self.columns / 2)
+        return np.asarray(-self.y_step * (self.rows / 2 + tilt))
 
 
 @dataclass(frozen=True)
@@ -85,17 +99,24 @@ class Layout:
     last_clip: NDArray[np.float32]
     half_height: float
 
+    @property
+    def azimuths(self) -> Array:
+        """(views,) float64: directions of the views' axes [rad]."""
+        return np.array([view.azimuth for view in self.views])
+
     def elevations(self) -> Array:
         """(columns, rows) float64: elevation of the centre of each cell [rad], for truth images."""
         row = np.arange(self.rows)[None, :] + 0.5
         parts = []
         for view in self.views:
             x = view.column_centres()[:, None]
-            parts.append(np.arctan((view.y_bottom + row * view.y_step) / np.sqrt(1 + x * x)))
+            parts.append(np.arctan((view.column_bottoms()[:, None] + row * view.y_step) / np.sqrt(1 + x * x)))
         return np.concatenate(parts)
 
 
-def build_layout(right: float, left: float, half_height: float, column_width: float, rows: int) -> Layout:
+def build_layout(
+    right: float, left: float, half_height: float, column_width: float, rows: int, shear: float = 0.0
+) -> Layout:
     """Lay the samples of the sector from azimuth ``right`` to ``left``.
 
     Parameters
@@ -108,18 +129,19 @@ def build_layout(right: float, left: float, half_height: float, column_width: fl
         Greatest width of a cell in azimuth [rad].
     rows : int
         Cells over the elevation aperture at a view's axis.
+    shear : float
+        From column to column [cells], 0 to 1.
     """
-    count = max(1, int(np.ceil((left - right) / MAX_VIEW - 1e-9)))
+    widest = MAX_VIEW
+    if shear > 0:
+        widest = min(widest, column_width * max(_LEAST_COLUMNS, _MOST_SHEARED * rows / shear))
+    count = max(1, int(np.ceil((left - right) / widest - 1e-9)))
     half = (left - right) / count / 2
     columns = max(1, int(np.ceil(2 * np.tan(half) / column_width - 1e-9)))
-    x_step = 2 * np.tan(half) / columns
     y_step = 2 * np.tan(half_height) / rows
-    total_rows = int(np.ceil(2 * np.tan(half_height) / np.cos(half) / y_step - 1e-9))
-    y_bottom = -y_step * total_rows / 2
-    views = tuple(
-        View(left - half * (2 * k + 1), half, k * columns, columns, -np.tan(half), x_step, y_bottom, y_step)
-        for k in range(count)
-    )
+    total_rows = int(np.ceil(2 * np.tan(half_height) / np.cos(half) / y_step + shear * (columns - 1) - 1e-9))
+    shape = (columns, total_rows, -np.tan(half), 2 * np.tan(half) / columns, y_step, shear)
+    views = tuple(View(left - half * (2 * k + 1), half, k * columns, *shape) for k in range(count))
     return _with_tables(views, total_rows, half_height)
 
 
@@ -130,13 +152,14 @@ def _with_tables(views: tuple[View, ...], rows: int, half_height: float) -> Layo
         left.append(view.azimuth - np.arctan(x - view.x_step / 2))
         right.append(view.azimuth - np.arctan(x + view.x_step / 2))
         y_edge = np.tan(half_height) * np.sqrt(1 + x * x)  # tangent of the aperture's edge in each column
-        below = (-y_edge - view.y_bottom) / view.y_step
-        above = (y_edge - view.y_bottom) / view.y_step
+        bottom = view.column_bottoms()
+        below = (-y_edge - bottom) / view.y_step
+        above = (y_edge - bottom) / view.y_step
         first_row.append(np.clip(np.floor(below + 1e-9), 0, rows - 1))
         last_row.append(np.clip(np.ceil(above - 1e-9) - 1, 0, rows - 1))
         first_clip.append(np.clip(below - first_row[-1], 0, 1))
         last_clip.append(np.clip(last_row[-1] + 1 - above, 0, 1))
-        y = view.y_bottom + np.arange(rows + 1)[None, :] * view.y_step
+        y = bottom[:, None] + np.arange(rows + 1)[None, :] * view.y_step
         elevation = np.clip(np.arctan(y / np.sqrt(1 + x * x)[:, None]), -half_height, half_height)
         solid_angle.append(np.diff(np.sin(elevation), axis=1) * (left[-1] - right[-1])[:, None])
     return Layout(

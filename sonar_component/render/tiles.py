@@ -53,28 +53,36 @@ def bounding_sphere(points: Array) -> tuple[Array, float]:
 
 
 def seen(
-    centres_S: Array, radii: Array, azimuth: float, half_width: float, tangent_up: float, range_max: float
+    centres_S: Array, radii: Array, azimuths: Array, half_width: float, tangent_up: float, range_max: float
 ) -> NDArray[np.bool_]:
-    """Which spheres may touch a view: within range, between its four planes, not behind it.
+    """Which spheres may touch which views: within range, between a view's four planes, not behind it.
 
     Parameters
     ----------
     centres_S : (n, 3) float64
         In the sonar's frame [m].
     radii : (n,) float64 [m]
-    azimuth, half_width : float
-        Of the view [rad].
+    azimuths : (views,) float64
+        Of the views' axes [rad].
+    half_width : float
+        Of every view [rad].
     tangent_up : float
-        Tangent of its upper (and lower) edge at depth 1.
+        Tangent of their upper (and lower) edge at depth 1.
+
+    Returns
+    -------
+    (views, n) bool
     """
     x, y, z = centres_S.T
-    depth = np.cos(azimuth) * x + np.sin(azimuth) * y
-    side = np.abs(np.cos(azimuth) * y - np.sin(azimuth) * x)
+    c, s = np.cos(azimuths)[:, None], np.sin(azimuths)[:, None]
+    depth = c * x + s * y
+    side = np.abs(c * y - s * x)
     up = np.arctan(tangent_up)
+    near = x * x + y * y + z * z < (range_max + radii) ** 2
     inside: NDArray[np.bool_] = (
-        (depth > -radii)
+        near
+        & (depth > -radii)
         & (depth * np.sin(half_width) - side * np.cos(half_width) > -radii)
         & (depth * np.sin(up) - np.abs(z) * np.cos(up) > -radii)
-        & (x * x + y * y + z * z < (range_max + radii) ** 2)
     )
     return inside

@@ -43,7 +43,7 @@ class FanImager:
         self.plan: Plan = make_plan(beams, settings.accuracy)
         right, left = float(beams.right.min()), float(beams.left.max())
         plan = self.plan
-        self._layout = build_layout(right, left, beams.half_height, plan.column_width, plan.rows)
+        self._layout = build_layout(right, left, beams.half_height, plan.column_width, plan.rows, plan.shear)
         self._assignment = assign(beams, self._layout.right, self._layout.left)
         self._solid_angle = beams.solid_angle
 
@@ -124,8 +124,7 @@ class FanImager:
 
     def _draw(self, world: World, X_WS: NDArray[np.float64], truth: bool) -> tuple[Target, Scale]:
         s = self._settings
-        if self._renderer.geometry.update(world):
-            self._renderer.geometry_changed()
+        self._renderer.geometry.update(world)
         optics = self._optics(truth)
         target = self._renderer.draw(X_WS, self._layout, optics)
         self._greatest = strength_max(optics, self._renderer.geometry.reflectance_max)

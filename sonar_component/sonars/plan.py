@@ -19,12 +19,15 @@ class Plan:
         Greatest width of a cell in azimuth [rad].
     rows : int
         Cells over the elevation aperture.
+    shear : float
+        From column to column [cells]: see render/layout.py.
     reasons : tuple of str
         Why, in words.
     """
 
     column_width: float
     rows: int
+    shear: float
     reasons: tuple[str, ...]
 
 
@@ -38,4 +41,4 @@ def make_plan(beams: BeamTable, accuracy: float) -> Plan:
         f"columns of {np.degrees(column_width):.3g} deg: {width / column_width:.3g} for the narrowest beam",
         f"{rows} rows over {2 * np.degrees(beams.half_height):.3g} deg",
     )
-    return Plan(float(column_width), rows, reasons)
+    return Plan(float(column_width), rows, 1.0 / min(8, max(2, round(width / column_width))), reasons)

@@ -6,6 +6,7 @@
 //        bit 31 set where the range falls with elevation. Square roots keep small values precise.
 // out.z (TRUTH): id of the body.
 uniform float range_max;      // [m], end of the last bin
+uniform float shear;          // of neighbouring columns [cells]
 uniform float strength_max;   // [-], greatest value that the strength can take
 #ifdef SIGMOID
 uniform float sigmoid_slope;  // [-]
@@ -64,7 +65,7 @@ void main() {
     strength = 1.0 / (1.0 + exp(-sigmoid_slope * (strength - sigmoid_centre)));
 #endif
     float along = dFdx(range);   // x of the target is elevation
-    float across = dFdy(range);
+    float across = dFdy(range) + shear * along;  // columns are sheared against each other
     // Cells that touch along one direction then abut in range; in between the extent keeps its variance.
     float extent = sqrt(across * across + along * along);
     uint strength_bits = uint(sqrt(clamp(strength / strength_max, 0.0, 1.0)) * 65535.0 + 0.5);

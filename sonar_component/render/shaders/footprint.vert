@@ -1,9 +1,12 @@
 #version 430
-// A vertex of the scene in the sonar's frame S and in the clip space D of one view.
+// A vertex of the scene in the sonar's frame S and in the clip space D of one view. All views share the target, each in
+// its band of columns; clip distances keep them apart, so that one draw call serves them all.
 // in: position [m] and unit normal in the part's own frame M; pose and material of the part, one per tile drawn:
 //     instanced attributes, since fetching them from a storage buffer took twice as long on llvmpipe.
 // out: p_S, n_S [m, -]. Owner: render/footprints.py.
-uniform mat4 X_DS;  // sonar frame to clip space of this view
+uniform mat4 X_DS[VIEWS];     // sonar frame to clip space of each view
+uniform vec2 band[VIEWS];     // its first column and its number of columns
+uniform float column_count;   // of the whole target
 
 in vec3 in_position;
 in vec3 in_normal;
@@ -11,10 +14,12 @@ in vec4 in_X_SM_0;    // rows of the pose of M in S, rotation and translation [m
 in vec4 in_X_SM_1;
 in vec4 in_X_SM_2;
 in float in_reflectance;  // [-]
+in uint in_view;
 #ifdef TRUTH
 in uint in_id;  // position of its body in the world, from 1
 #endif
 
+out float gl_ClipDistance[2];
 out vec3 p_S;
 out vec3 n_S;
 flat out float reflectance;
@@ -40,5 +45,8 @@ void main() {
     uv = in_uv;
     texture_layer = in_texture_layer;
 #endif
-    gl_Position = X_DS * vec4(p_S, 1.0);
+    gl_Position = X_DS[in_view] * vec4(p_S, 1.0);
+    float column = (gl_Position.y + gl_Position.w) * 0.5 * column_count - band[in_view].x * gl_Position.w;
+    gl_ClipDistance[0] = column;
+    gl_ClipDistance[1] = band[in_view].y * gl_Position.w - column;
 }
