@@ -1,4 +1,4 @@
-"""Mesh files through trimesh: OBJ, STL, PLY, GLB/glTF, COLLADA and their scene graphs, to parts in metres with Z up.
+"""Mesh files to parts in metres with Z up: OBJ, STL, PLY, GLB/glTF and COLLADA.
 
 Files are read as they are written: metres, Z up. Only COLLADA says its own unit and up axis, and both are honoured.
 glTF is Y up by its standard, but many tools (and Gazebo's users) write Z up into it, so nothing is guessed: a warning
@@ -7,28 +7,23 @@ says so until `up: y` or `up: z` decides.
 
 from __future__ import annotations
 
-import logging
-import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from sonar_component.scene.body import Part
-from sonar_component.scene.gltf_file import readable_gltf
-from sonar_component.scene.material import Material
+from sonar_component.scene.collada_file import collada_objects
+from sonar_component.scene.file_object import FileObject
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.surface import Surface, to_mesh
-from sonar_component.scene.texture import map_of, material_of
+from sonar_component.scene.trimesh_file import trimesh_objects
 from sonar_component.settings import SettingsError
 
 SUFFIXES = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae")
-MAX_BYTES = (
-    1 << 30
-)  # [B], reading needs about ten times the file in memory; a larger file is a mistake, or needs thinning
+MAX_BYTES = 256 << 20  # [B], an STL of 5 million triangles; a larger file is a mistake, or needs thinning
+MAX_FACES = 8_000_000  # [-], which take about 6 GB while they are made sound
 
 # Rotations that bring the named axis of a file up to Z.
 UP = {
@@ -36,10 +31,9 @@ UP = {
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
 }
-_HEAD_BYTES = 1 << 16  # [B], a COLLADA asset block stands at the top
 _ROTATION_TOLERANCE = 1e-5  # [-], what products of the float32 matrices of a glTF leave
-
-logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its complaints come back as our errors, with the file's name
+_FLOAT32_METRES = 1e4  # [m], where one float32 step is 1 mm
+_FLOAT32_FILES = (".stl", ".glb", ".gltf", ".dae")
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,7 @@ class MeshOptions:
 
     Attributes
     ----------
-    scale : (3,) factors on the file's axes, after its own unit.
+    scale : (3,) factors along X, Y, Z, after unit and up axis.
     unit : [m] per number in the file, or None for the file's own unit.
     up : "x", "y" or "z", or None for what the file says.
     """
@@ -64,38 +58,33 @@ def read_mesh_file(path: Path, options: MeshOptions | None = None) -> tuple[list
     Returns
     -------
     parts : one for each object of the file's scene graph, X_BM where the graph puts it.
-    warnings : what was repaired, by object.
+    warnings : what was repaired or left out, by object.
 
     Raises
     ------
     SettingsError
         When the file is too large, broken, of an unknown kind, or holds no faces.
     """
-    options = options or MeshOptions()
     _check(path)
-    X_FM, warnings = _file_frame(path, options)
-    scene = _load(path, warnings)
-    parts: list[Part] = []
-    made: dict[tuple[str, bytes], tuple[Mesh, NDArray[np.float64]]] = {}
-    materials: dict[int, Material] = {}
-    order = {name: i for i, name in enumerate(scene.geometry)}
-    for node in sorted(scene.graph.nodes_geometry, key=lambda node: order[scene.graph[node][1]]):
-        X_node, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
-            warnings.append(f"'{node}': holds no faces (points or lines only), left out")
-            continue
-        X, bake = split_rigid(X_FM @ X_node)
-        key = (name, bake.tobytes())
+    warnings: list[str] = []
+    objects, X_BF = _read(path, options or MeshOptions(), warnings)
+    faces = sum(len(surface.faces) for surface in {id(o.surface): o.surface for o in objects}.values())
+    if faces > MAX_FACES:
+        raise SettingsError(f"has too many faces: at most {MAX_FACES}, got {faces}", str(path))
+    made: dict[tuple[int, bytes], tuple[Mesh, NDArray[np.float64]] | None] = {}
+    parts = []
+    for found in objects:
+        X, bake = split_rigid(X_BF @ found.X_FO)
+        key = (id(found.surface), bake.tobytes())
         if key not in made:
-            made[key] = _mesh_of(name, geometry, bake, path, warnings)
-        mesh, offset = made[key]
-        X[:3, 3] += X[:3, :3] @ offset
-        material = material_of(geometry, path, materials, warnings)
-        # trimesh names the objects of an OBJ "object_material".
-        parts.append(Part(mesh, material, X, str(node).removesuffix(f"_{material.name}")))
+            made[key] = _mesh_of(found, bake, path, warnings)
+        entry = made[key]
+        if entry is not None:
+            X[:3, 3] += X[:3, :3] @ entry[1]
+            parts.append(Part(entry[0], found.material, X, found.name))
     if not parts:
-        raise SettingsError("has no faces: nothing in it can be seen by a sonar", str(path))
+        reason = f": {warnings[0]}" if warnings else ""
+        raise SettingsError(f"has no faces that a sonar can see{reason}", str(path))
     return parts, [f"{path.name}: {line}" for line in warnings]
 
 
@@ -113,36 +102,27 @@ def split_rigid(X: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def _mesh_of(
-    name: str, geometry: Any, bake: NDArray[np.float64], path: Path, warnings: list[str]
-) -> tuple[Mesh, NDArray[np.float64]]:
+    found: FileObject, bake: NDArray[np.float64], path: Path, warnings: list[str]
+) -> tuple[Mesh, NDArray[np.float64]] | None:
+    """Return the mesh of an object and its offset, or None where nothing of it is sound."""
     try:
-        mesh, offset, repaired = to_mesh(_baked(name, geometry, bake))
+        mesh, offset, repaired = to_mesh(_baked(found.surface, bake))
     except ValueError as error:
-        raise SettingsError(str(error), str(path)) from None
+        warnings.append(f"{error}, left out")
+        return None
     warnings.extend(repaired)
-    if path.suffix.lower() in (".stl", ".glb", ".gltf") and np.abs(offset).max() > _FLOAT32_METRES:
-        warnings.append(
-            f"'{name}': lies {np.abs(offset).max():.0f} m from its origin in a float32 file, so it is rough"
-        )
+    distance = np.abs(offset).max()
+    if path.suffix.lower() in _FLOAT32_FILES and distance > _FLOAT32_METRES:
+        warnings.append(f"'{found.name}': lies {distance:.0f} m from its origin in a float32 file, so it is rough")
     return mesh, offset
 
 
-_FLOAT32_METRES = 1e4  # [m], where one float32 step is 1 mm
-
-
-def _baked(name: str, geometry: Any, bake: NDArray[np.float64]) -> Surface:
-    vertices = np.asarray(geometry.vertices, np.float64)
-    faces = np.asarray(geometry.faces, np.int64)
-    # Only normals that the file holds: trimesh would make its own, smooth over every edge, when asked.
-    held = geometry._cache["vertex_normals"] if "vertex_normals" in geometry._cache else None
-    normals = None if held is None or len(held) != len(vertices) else np.asarray(held, np.float64)
-    if not np.array_equal(bake, np.eye(3)):
-        vertices = vertices @ bake.T
-        if np.linalg.det(bake) < 0:
-            faces = faces[:, ::-1]
-        if normals is not None:
-            normals = normals @ np.linalg.pinv(bake)
-    return Surface(name, vertices, faces, normals, map_of(geometry))
+def _baked(surface: Surface, bake: NDArray[np.float64]) -> Surface:
+    if np.array_equal(bake, np.eye(3)):
+        return surface
+    faces = surface.faces[:, ::-1] if np.linalg.det(bake) < 0 else surface.faces
+    normals = None if surface.normals is None else surface.normals @ np.linalg.pinv(bake)
+    return Surface(surface.name, surface.vertices @ bake.T, faces, normals, surface.uv)
 
 
 def _check(path: Path) -> None:
@@ -156,59 +136,28 @@ def _check(path: Path) -> None:
         raise SettingsError(f"is too large: at most {MAX_BYTES >> 20} MiB, got {size >> 20} MiB", str(path))
 
 
-def _load(path: Path, warnings: list[str]) -> Any:
-    kind = path.suffix[1:].lower()
-    options: dict[str, Any] = {"split_objects": True, "split_groups": True} if kind == "obj" else {}
+def _read(path: Path, options: MeshOptions, warnings: list[str]) -> tuple[list[FileObject], NDArray[np.float64]]:
+    """Return the objects, and the affine matrix from the file's numbers to metres with Z up."""
+    kind, unit, up = path.suffix[1:].lower(), 1.0, "z"
     try:
-        if kind in ("glb", "gltf"):
-            source, notes = readable_gltf(path)
-            warnings.extend(notes)
-            options |= {"file_type": kind, "resolver": trimesh.resolvers.FilePathResolver(str(path))}
-            return trimesh.load_scene(source, process=False, **options)
-        return trimesh.load_scene(path, process=False, **options)
+        if kind == "dae":
+            objects, unit, up = collada_objects(path, warnings)
+        else:
+            objects = trimesh_objects(path, warnings)
     except MemoryError:
         raise SettingsError("needs more memory than there is", str(path)) from None
-    except Exception as error:  # the readers below trimesh raise whatever a broken file makes them stumble over
+    except Exception as error:  # the readers raise whatever a broken file makes them stumble over
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise SettingsError(f"is not a readable {kind.upper()} file: {reason}", str(path)) from None
+    if kind in ("glb", "gltf") and options.up is None and not _as_trimesh_writes(path):
+        line = "glTF is Y up by its standard but read as Z up here; `up: y` or `up: z` beside the mesh decides"
+        warnings.append(line)
+    X_BF = np.eye(4)
+    X_BF[:3, :3] = np.diag(options.scale) @ UP[options.up or up] * (options.unit or unit)
+    return objects, X_BF
 
 
-def _file_frame(path: Path, options: MeshOptions) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the affine matrix from the file's numbers to metres with Z up."""
-    unit, up, warnings = 1.0, "z", []
-    if path.suffix.lower() == ".dae":
-        unit, up = _collada_frame(path)
-    if path.suffix.lower() in (".glb", ".gltf") and options.up is None and _made_by_others(path):
-        warnings.append(
-            "glTF is Y up by its standard but read as Z up here; `up: y` or `up: z` beside the mesh decides"
-        )
-    X_FM = np.eye(4)
-    turn = UP[options.up or up] * (options.unit or unit)
-    X_FM[:3, :3] = np.diag(options.scale) @ turn
-    return X_FM, warnings
-
-
-def _collada_frame(path: Path) -> tuple[float, str]:
-    head = _head(path)
-    if b"<!DOCTYPE" in head or b"<!ENTITY" in head:
-        raise SettingsError("holds a document type or entities, which are not read because they can explode", str(path))
-    up = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", head)
-    unit = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)[\"']", head)
-    text = unit[1].decode("ascii", "replace") if unit else "1"
-    try:
-        metres = float(text)
-    except ValueError:
-        metres = np.nan
-    if not (np.isfinite(metres) and metres > 0):
-        raise SettingsError(f"its unit must be a number of metres greater than 0, got {text!r}", str(path))
-    return metres, up[1].decode().lower() if up else "y"  # COLLADA 1.4.1: Y up where nothing is said
-
-
-def _made_by_others(path: Path) -> bool:
-    """Tell whether a glTF comes from a tool that may have turned it Y up; trimesh writes coordinates as they are."""
-    return b"mikedh/trimesh" not in _head(path)
-
-
-def _head(path: Path) -> bytes:
+def _as_trimesh_writes(path: Path) -> bool:
+    """Tell whether a glTF comes from trimesh, which writes coordinates as they are; other tools may turn them Y up."""
     with path.open("rb") as file:
-        return file.read(_HEAD_BYTES)
+        return b"mikedh/trimesh" in file.read(1 << 16)

@@ -17,6 +17,7 @@ from typing import Any
 
 from sonar_component.scene import pose, shapes
 from sonar_component.scene.body import Body, Part
+from sonar_component.scene.box_mapping import box_mapped
 from sonar_component.scene.material import Material
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.mesh_file import MeshOptions, read_mesh_file
@@ -51,6 +52,8 @@ class _Reader:
         self.errors: list[SettingsError] = []
         self.warnings: list[str] = []
         self.materials: dict[str, Material] = {}
+        self._texture_sizes: dict[Material, float] = {}
+        self._box_mapped: dict[tuple[Mesh, float], Mesh] = {}
         self._merged: dict[tuple[int, int], Material] = {}
 
     def world(self) -> World:
@@ -87,12 +90,15 @@ class _Reader:
 
     def _material(self, name: str, settings: MaterialSettings) -> Material:
         normal_map, reflectance_map = settings.normal_map, settings.reflectance_map
-        return Material(
+        made = Material(
             name,
             settings.reflectance,
             None if normal_map is None else read_image(find_file(normal_map, self.path), "RGB"),
             None if reflectance_map is None else read_image(find_file(reflectance_map, self.path), "L"),
         )
+        if settings.texture_size is not None:
+            self._texture_sizes[made] = settings.texture_size
+        return made
 
     def _chosen(self, key: tuple[str, ...], choice: str | MaterialSettings) -> Material:
         if isinstance(choice, MaterialSettings):
@@ -130,12 +136,19 @@ class _Reader:
             if new is None:
                 dressed.append(part)
                 continue
+            size = self._texture_sizes.get(new)
+            mesh = part.mesh if size is None else self._laid_on(part.mesh, size)
             if new.normal_map is None and old.normal_map is not None:
                 # A reflectance in the scene must not wipe the relief that the mesh file brings along.
                 merged = Material(new.name, new.reflectance, old.normal_map, new.reflectance_map)
                 new = self._merged.setdefault((id(new), id(old)), merged)
-            dressed.append(replace(part, material=new))
+            dressed.append(replace(part, material=new, mesh=mesh))
         return dressed
+
+    def _laid_on(self, mesh: Mesh, size: float) -> Mesh:
+        if (mesh, size) not in self._box_mapped:
+            self._box_mapped[mesh, size] = box_mapped(mesh, size)
+        return self._box_mapped[mesh, size]
 
     def _included(self, name: str) -> list[Body]:
         world = read_sdf(find_file(name, self.path), self.search_path)

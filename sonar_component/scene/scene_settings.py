@@ -66,11 +66,16 @@ class PoseSettings(_Strict):
 
 
 class MaterialSettings(_Strict):
-    """How a surface echoes: reflectance R > 0, and pictures in texture coordinates."""
+    """How a surface echoes: reflectance R > 0, and pictures in texture coordinates.
+
+    `texture_size` lays pictures on at that size, whatever texture coordinates the mesh has; without it, a mesh keeps
+    its own, and one that has none gets them at 1 m.
+    """
 
     reflectance: PositiveRatio = 1.0
     normal_map: str | None = None
     reflectance_map: str | None = None
+    texture_size: PositiveLength | None = None
 
 
 class BoxSettings(_Strict):

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
 
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.shapes import grid_faces
-from sonar_component.scene.texture import MAX_PIXELS
+from sonar_component.scene.texture import UNREADABLE, opened
 from sonar_component.settings import SettingsError
 
-MAX_SAMPLES = 4097 * 4097  # [-], 33 million triangles and 2 GB; Gazebo's largest terrains are 4097 a side
+MAX_SAMPLES = 2049 * 2049  # [-], 8 million triangles, which take 2 GB while they are made
 
 
 def read_heights(path: Path) -> NDArray[np.float64]:
@@ -74,12 +73,9 @@ def _read_array(path: Path) -> NDArray[np.float64]:
 
 def _read_picture(path: Path) -> NDArray[np.float64]:
     try:
-        with Image.open(path) as image:
-            if image.width * image.height > MAX_PIXELS:
-                size = f"{image.width} x {image.height}"
-                raise SettingsError(f"is too large a picture: at most {MAX_PIXELS} pixels, got {size}", str(path))
+        with opened(path) as image:
             values = np.asarray(image.convert("L") if image.mode in ("RGB", "RGBA", "P", "LA", "1") else image)
-    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+    except UNREADABLE as error:
         raise SettingsError(f"is not a readable picture: {error}", str(path)) from None
     if values.dtype == np.uint8:
         return values / 255.0

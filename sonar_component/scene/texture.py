@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from sonar_component.settings import SettingsError
 MAX_PIXELS = (
     8192 * 8192
 )  # [-], what OpenGL 4.3 must offer is 16384 a side; this bounds a picture that explodes in memory
+UNREADABLE = (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError)
 _OBJ_NORMAL_MAPS = ("norm", "map_kn")  # keys of normal maps in an MTL file; map_bump holds heights
 
 
@@ -27,13 +31,23 @@ def read_image(path: Path, mode: str) -> NDArray[np.uint8]:
         When it is missing, not a picture, or larger than MAX_PIXELS.
     """
     try:
-        with Image.open(path) as image:
-            if image.width * image.height > MAX_PIXELS:
-                size = f"{image.width} x {image.height}"
-                raise SettingsError(f"is too large a picture: at most {MAX_PIXELS} pixels, got {size}", str(path))
+        with opened(path) as image:
             return np.array(image.convert(mode))
-    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+    except UNREADABLE as error:
         raise SettingsError(f"is not a readable picture: {error}", str(path)) from None
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Image.Image]:
+    """Open a picture of at most MAX_PIXELS; what Pillow raises is in UNREADABLE."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # ours comes next, and stops
+        image = Image.open(path)
+    with image:
+        if image.width * image.height > MAX_PIXELS:
+            size = f"{image.width} x {image.height}"
+            raise SettingsError(f"is too large a picture: at most {MAX_PIXELS} pixels, got {size}", str(path))
+        yield image
 
 
 def map_of(geometry: Any) -> NDArray[np.float64] | None:
@@ -44,22 +58,22 @@ def map_of(geometry: Any) -> NDArray[np.float64] | None:
     return np.asarray(uv, np.float64)
 
 
-def material_of(geometry: Any, path: Path, known: dict[int, Material], warnings: list[str]) -> Material:
+def material_of(geometry: Any, path: Path, known: dict[int, Material], notes: list[str]) -> Material:
     """Material of a trimesh geometry; the same trimesh material gives the same Material."""
     source = getattr(geometry.visual, "material", None)
     if source is None:
         return known.setdefault(0, Material("default"))
     if id(source) not in known:
         name = str(getattr(source, "name", None) or "default")
-        known[id(source)] = Material(name, 1.0, _normal_map(source, path, name, warnings))
+        known[id(source)] = Material(name, 1.0, _normal_map(source, path, name, notes))
     return known[id(source)]
 
 
-def _normal_map(source: Any, path: Path, name: str, warnings: list[str]) -> NDArray[np.uint8] | None:
+def _normal_map(source: Any, path: Path, name: str, notes: list[str]) -> NDArray[np.uint8] | None:
     picture = getattr(source, "normalTexture", None)
     if picture is not None:
         if picture.width * picture.height > MAX_PIXELS:
-            warnings.append(f"material '{name}': normal map larger than {MAX_PIXELS} pixels, left out")
+            notes.append(f"material '{name}': normal map larger than {MAX_PIXELS} pixels, left out")
             return None
         return np.array(picture.convert("RGB"))
     keys = getattr(source, "kwargs", None) or {}
@@ -68,7 +82,7 @@ def _normal_map(source: Any, path: Path, name: str, warnings: list[str]) -> NDAr
             try:
                 return read_image(path.parent / keys[key][-1], "RGB")
             except SettingsError as error:
-                warnings.append(f"material '{name}': normal map {error}")
+                notes.append(f"material '{name}': normal map {error}")
     if "map_bump" in keys or "bump" in keys:
-        warnings.append(f"material '{name}': a bump map holds heights and is not read; give a normal map as `norm`")
+        notes.append(f"material '{name}': a bump map holds heights and is not read; give a normal map as `norm`")
     return None

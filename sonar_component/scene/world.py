@@ -14,8 +14,11 @@ from difflib import get_close_matches
 from sonar_component.samples.scene_description import BodyPoses, SceneDescription
 from sonar_component.scene import description
 from sonar_component.scene.body import Body, Part, Pose, check_pose
+from sonar_component.scene.box_mapping import box_mapped
 from sonar_component.scene.material import Material
 from sonar_component.scene.mesh import Mesh
+
+_TEXTURE_SIZE = 1.0  # [m], of a picture on a mesh without texture coordinates
 
 __all__ = ["Body", "Material", "Mesh", "Part", "World"]
 
@@ -36,6 +39,7 @@ class World:
         self.geometry_version = 0
         self.pose_version = 0
         self._content_hash: str | None = None
+        self._box_mapped: dict[Mesh, Mesh] = {}
         for body in bodies:
             self.add(body)
 
@@ -44,6 +48,7 @@ class World:
         if body.name in self.bodies:
             raise ValueError(f"the world already has a body '{body.name}'")
         body.X_WB = check_pose(body.X_WB, body.name)
+        body.parts = [self._mapped(part) for part in body.parts]
         self.bodies[body.name] = body
         self._geometry_changed()
 
@@ -78,7 +83,7 @@ class World:
         if not chosen:
             names = ", ".join(sorted({p.name for p in body.parts}))
             raise ValueError(f"body '{name}' has no part '{part}'; parts: {names}")
-        body.parts = [replace(p, material=material) if p in chosen else p for p in body.parts]
+        body.parts = [self._mapped(replace(p, material=material)) if p in chosen else p for p in body.parts]
         self._geometry_changed()
 
     def content_hash(self) -> str:
@@ -109,6 +114,15 @@ class World:
         for body, X_WB in zip(self.bodies.values(), sample.poses, strict=True):
             if (X_WB != body.X_WB).any():
                 self.set_pose(body.name, X_WB)
+
+    def _mapped(self, part: Part) -> Part:
+        """Return the part with texture coordinates where its material has pictures but its mesh has none."""
+        pictures = part.material.normal_map is not None or part.material.reflectance_map is not None
+        if not pictures or part.mesh.uv is not None:
+            return part
+        if part.mesh not in self._box_mapped:
+            self._box_mapped[part.mesh] = box_mapped(part.mesh, _TEXTURE_SIZE)
+        return replace(part, mesh=self._box_mapped[part.mesh])
 
     def _geometry_changed(self) -> None:
         self.geometry_version += 1

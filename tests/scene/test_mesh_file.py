@@ -91,8 +91,57 @@ def test_collada_with_entities_is_not_read(tmp_path: Path) -> None:
         '<?xml version="1.0"?>', '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>'
     )
     file.write_text(bomb)
-    with pytest.raises(SettingsError, match=r"bomb.dae: holds a document type or entities"):
+    with pytest.raises(SettingsError, match=r"bomb.dae: .*declares a document type"):
         read_mesh_file(file)
+
+
+def test_collada_objects_keep_the_names_of_their_nodes_and_materials(tmp_path: Path) -> None:
+    library = """<library_effects><effect id="e"><profile_COMMON><technique sid="common"><phong>
+      <diffuse><color>1 0 0 1</color></diffuse></phong></technique></profile_COMMON></effect></library_effects>
+  <library_materials><material id="m-id" name="rust"><instance_effect url="#e"/></material></library_materials>
+  <library_geometries>"""
+    bind = """<instance_geometry url="#g"><bind_material><technique_common>
+      <instance_material symbol="s" target="#m-id"/></technique_common></bind_material></instance_geometry>"""
+    node = f'<node id="n1" name="mast"><translate>0 5 0</translate>{bind}</node>'
+    twin = f'<node id="n2" name="boom"><rotate>0 0 1 90</rotate>{bind}</node>'
+    text = COLLADA.format(asset="<up_axis>Z_UP</up_axis>").replace("<library_geometries>", library)
+    text = text.replace('<triangles count="1">', '<triangles count="1" material="s">')
+    start, end = text.index('<node id="n">'), text.index("</node>") + len("</node>")
+    file = tmp_path / "w.dae"
+    file.write_text(text[:start] + node + twin + text[end:])
+    parts, warnings = read_mesh_file(file)
+    assert [(part.name, part.material.name) for part in parts] == [("mast", "rust"), ("boom", "rust")]
+    assert parts[0].mesh is parts[1].mesh
+    assert bounds_of(parts[1:]) == pytest.approx(np.array([[-2, 0, 0], [0, 1, 0]]), abs=1e-6)
+    assert warnings == []
+
+
+def test_normals_of_a_collada_file_are_kept(tmp_path: Path) -> None:
+    normals = """<source id="q"><float_array id="qa" count="3">0 0.6 0.8</float_array><technique_common>
+      <accessor source="#qa" count="1" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+      <param name="Z" type="float"/></accessor></technique_common></source><vertices"""
+    text = COLLADA.format(asset="<up_axis>Z_UP</up_axis>").replace("<vertices", normals)
+    text = text.replace('offset="0"/><p>0 1 2</p>', 'offset="0"/><input semantic="NORMAL" source="#q" offset="1"/>PPP')
+    file = tmp_path / "w.dae"
+    file.write_text(text.replace("PPP", "<p>0 0 1 0 2 0</p>"))
+    mesh = read_mesh_file(file)[0][0].mesh
+    assert mesh.normals == pytest.approx(np.tile([0, 0.6, 0.8], (3, 1)))
+
+
+def test_a_ruined_object_is_left_out_and_the_others_stay(tmp_path: Path) -> None:
+    (tmp_path / "s.obj").write_text(
+        "o sound\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no ruined\nv nan 0 0\nv 0 nan 0\nv 0 0 nan\nf 4 5 6\n"
+    )
+    parts, warnings = read_mesh_file(tmp_path / "s.obj")
+    assert [part.name for part in parts] == ["sound"]
+    assert warnings[-1] == "s.obj: 'ruined' has no faces, left out"
+
+
+def test_too_many_faces_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_file, "MAX_FACES", 11)
+    brick().export(tmp_path / "b.stl")
+    with pytest.raises(SettingsError, match="has too many faces: at most 11, got 12"):
+        read_mesh_file(tmp_path / "b.stl")
 
 
 def test_a_file_in_millimetres_is_scaled_when_told(tmp_path: Path) -> None:

@@ -96,6 +96,25 @@ bodies: {floor: {terrain: {heights: h.png, size: [10 m, 20 m, 3 m]}, material: s
     assert part.material.reflectance_map.shape == (2, 4)
 
 
+def test_a_texture_size_lays_pictures_on_in_metres(brick: Path) -> None:
+    Image.new("RGB", (4, 2), (128, 128, 255)).save(brick / "n.png")
+    world = load_world(
+        write(
+            brick,
+            """
+version: 1
+materials: {sand: {normal_map: n.png, texture_size: 50 cm}, bare: {normal_map: n.png}}
+bodies:
+  floor: {plane: {size: [10 m, 20 m]}, material: sand}
+  once: {plane: {size: [10 m, 20 m]}, material: bare}
+  brick: {mesh: brick.stl, unit: mm, material: bare}
+""",
+        )
+    )
+    spans = {name: np.ptp(body.parts[0].mesh.uv, axis=0).tolist() for name, body in world.bodies.items()}
+    assert spans == {"floor": [20, 40], "once": [1, 1], "brick": pytest.approx([2, 3])}
+
+
 def test_every_mistake_is_told_at_once_with_its_line(brick: Path) -> None:
     (brick / "points.obj").write_text("v 0 0 0\n")
     told = mistakes(
@@ -115,7 +134,9 @@ bodies:
     assert told[0].startswith("scene.yaml:2:13: materials.steel: gone.png: no such file")
     assert told[1].startswith('scene.yaml:4:7: bodies.a.mesh: bric.stl: no such file (did you mean "brick.stl"?)')
     assert told[2].startswith("scene.yaml:5:7: bodies.b.mesh:")
-    assert told[2].endswith("has no faces: nothing in it can be seen by a sonar")
+    assert told[2].endswith(
+        "has no faces that a sonar can see: 'points.obj': holds no faces (points or lines only), left out"
+    )
     assert told[3] == 'scene.yaml:6:24: bodies.c.material: no material "stel" in this file (did you mean "steel"?)'
     assert told[4].startswith("scene.yaml:7:36: bodies.d.materials.rust: no material or part of that name in it")
 
