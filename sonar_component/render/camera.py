@@ -132,11 +132,14 @@ class Camera:
         self._array = None
         if self._geometry.empty:
             return
+        vertices, instances = self._geometry.vertices, self._geometry.instances
+        assert vertices is not None
+        assert instances is not None
         textured = self._geometry.has_normal_maps
-        vertex = "3f 3f 8x" if textured else "3f 3f"
+        rest = instances.size // len(self._geometry.tile_radius) - 13 * 4  # bytes of an instance that are for sonars only
         content = [
-            (self._geometry.vertices, vertex, "in_position", "in_normal"),
-            (self._geometry.instances, "4f 4f 4f 1f 8x/i", "in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance"),
+            (vertices, "3f 3f 8x" if textured else "3f 3f", "in_position", "in_normal"),
+            (instances, f"4f 4f 4f 1f {rest}x/i", "in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance"),
         ]
         self._array = self._context.vertex_array(
             self._scene, content, index_buffer=self._geometry.indices, index_element_size=4

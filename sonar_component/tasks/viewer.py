@@ -104,10 +104,12 @@ class ViewerTask(Task):
 
     def stop_hook(self) -> None:
         """Close the page, write the last pictures."""
+        if self._snapshots is not None:
+            self._snapshots.finish()
         if self._server is not None:
             self._server.stop()
         if self._snapshots is not None:
-            self._snapshots.stop()
+            self._snapshots.wait()
         self._server = self._snapshots = None
 
     @operation

@@ -27,6 +27,8 @@ class Graph:
         self._instance: Instance | None = None
         self._proxies: dict[str, TaskProxy] = {}
         self._seen: dict[str, dict[str, Any]] = {}
+        self._pids: dict[str, int] = {}
+        self._restarts: dict[str, int] = {}
         self._lock = threading.Lock()  # a proxy has one socket, for one question at a time
 
     def status(self) -> list[dict[str, Any]]:
@@ -34,7 +36,7 @@ class Graph:
         with self._lock:
             records = self._records()
             for name, record in records.items():
-                self._seen[name] = self._ask(name, record)
+                self._seen[name] = self._with_restarts(self._ask(name, record), record["pid"])
             for name in self._seen.keys() - records.keys() - {self._own.name}:
                 self._drop(name)
                 ended = {"state": GONE, "substate": "", "reason": "its process has ended", "properties": []}
@@ -84,6 +86,14 @@ class Graph:
             silent = {"state": "NO_ANSWER", "substate": "", "reason": str(error), "properties": []}
             return {"name": name, "type": record["type"], **silent}
         return _entry(name, told["type"], told, told["properties"])
+
+    def _with_restarts(self, entry: dict[str, Any], pid: int) -> dict[str, Any]:
+        """Say how often a task's process was another one: a task that dies and comes back must not look well."""
+        name = entry["name"]
+        if self._pids.setdefault(name, pid) != pid:
+            self._pids[name], self._restarts[name] = pid, self._restarts.get(name, 0) + 1
+        times = self._restarts.get(name, 0)
+        return {**entry, "restarts": times}
 
     def _describe_own(self) -> dict[str, Any]:
         own = self._own

@@ -46,6 +46,7 @@ _STATIC = Path(__file__).parent / "static"
 _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _IN_FLIGHT = 2  # [-] images: one being drawn, one on the way
 _STATUS_PERIOD = 0.5  # [s]
+_CLOSING = 0.3  # [s], for browsers to say goodbye: a task that stops is given 1.5 s in all
 _MAX_REQUEST = 64 * 1024  # bytes, of a message from a page; the largest is a list of bearings
 _LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
@@ -151,7 +152,7 @@ class PageServer:
         if self._loop is not None and self._done is not None:
             self._loop.call_soon_threadsafe(self._done.set)
         if self._thread is not None:
-            self._thread.join(5.0)
+            self._thread.join(2 * _CLOSING)
         self._workers.shutdown(wait=False, cancel_futures=True)
         self._control.close()
         self.world.stop()
@@ -176,6 +177,7 @@ class PageServer:
             sock=listening,
             process_request=self._answer,
             select_subprotocol=_viser_protocol,
+            close_timeout=_CLOSING,
             compression=None,  # images are noise, and deflate would take longer than drawing them
             max_size=_MAX_REQUEST,
             logger=quiet,

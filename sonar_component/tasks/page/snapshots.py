@@ -47,9 +47,12 @@ class Snapshots:
         self._thread = threading.Thread(target=self._run, name="snapshots", daemon=True)
         self._thread.start()
 
-    def stop(self) -> None:
-        """Write the last pictures and end."""
+    def finish(self) -> None:
+        """Begin to write the last pictures."""
         self._stop.set()
+
+    def wait(self) -> None:
+        """Wait until they are written."""
         self._thread.join(_PATIENCE)
 
     def _run(self) -> None:

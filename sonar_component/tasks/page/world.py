@@ -116,11 +116,9 @@ class World:
     def stop(self) -> None:
         """Stop viser, if it was started."""
         self._stop.set()
-        if self._thread is not None:
-            self._thread.join(2.0)
         if self._viser is not None:
-            with contextlib.redirect_stdout(io.StringIO()):
-                self._viser.stop()
+            # It waits a second for its own thread, which nobody has to see: both threads are daemons.
+            threading.Thread(target=self._viser.stop, daemon=True).start()
 
     def _start(self) -> None:
         with self._starting:
@@ -129,6 +127,7 @@ class World:
             with contextlib.redirect_stdout(io.StringIO()):  # it prints a banner with an address that is not for users
                 import viser
 
+                logging.getLogger("websockets.server").setLevel(logging.WARNING)
                 self._viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
             self._viser.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
             self._viser.scene.set_up_direction("+z")

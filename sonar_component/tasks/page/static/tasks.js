@@ -35,7 +35,8 @@ export class Tasks {
     find(".name").textContent = `${task.name} (${task.type})`;
     state.textContent = [task.state, task.substate].filter(Boolean).join(", ");
     state.className = "state " + (task.state === "RUNNING" ? "good" : "bad");
-    find(".reason").textContent = task.reason;
+    const restarts = task.restarts ? `restarted ${task.restarts} ${task.restarts === 1 ? "time" : "times"}` : "";
+    find(".reason").textContent = [task.reason, restarts].filter(Boolean).join("; ");
     const details = find("details");
     details.hidden = task.properties.length === 0;
     for (const property of task.properties) {
