@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from sonar_component.gl import load_program, set_uniforms
 from sonar_component.render.geometry import Geometry
+from sonar_component.render.packing import INSTANCE
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
 
 _SHADERS = "sonar_component.render.shaders"
+_OF_INSTANCE = ("in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance")
 _NEAR = 0.05  # [m]
 _VANISHED = 7.0  # [-] optical lengths: e^-7 is under half a step of 8 bits
 _GAMMA = 1 / 2.2  # [-], linear light to sRGB, near enough for a picture that is looked at
@@ -79,8 +81,7 @@ class Camera:
         self._open = load_program(context, _SHADERS, vertex_shader="open_water.vert", fragment_shader="open_water.frag")
         self._backdrop = context.vertex_array(self._open, [])
         self._array: moderngl.VertexArray | None = None
-        self._commands: moderngl.Buffer | None = None
-        self._count = 0
+        self._generation = -1
         self._framebuffer: moderngl.Framebuffer | None = None
         self.view, self.water = view or View(), water or Water()
 
@@ -104,48 +105,44 @@ class Camera:
 
     def draw_linear(self, world: World, X_WC: Array) -> NDArray[np.float32]:
         """As ``draw``, but linear light as (height, width, 3) float32; 1 is a white surface above the water."""
-        if self._geometry.update(world):
-            self._bind()
+        self._geometry.update(world)
         target = self._target()
         target.use()
         target.clear(0.0, 0.0, 0.0, 1.0)
         self._set_water(X_WC)
         self._context.disable(moderngl.DEPTH_TEST)
         self._backdrop.render(moderngl.TRIANGLES, vertices=3)
-        if self._array is not None and self._commands is not None:
+        if not self._geometry.empty:
             self._geometry.place(X_WC)
+            # All tiles: a picture now and then does not pay for culling.
+            commands, count = self._geometry.select(np.ones((1, len(self._geometry.tile_radius)), np.bool_))
             self._context.enable_only(moderngl.DEPTH_TEST)
             set_uniforms(self._scene, X_DC=self._projection())
-            self._array.render_indirect(self._commands, count=self._count)
+            self._bound().render_indirect(commands, count=count)
         pixels = np.frombuffer(target.read(components=3, dtype="f4"), np.float32)
         return pixels.reshape(self.view.height, self.view.width, 3)[::-1]
 
     def release(self) -> None:
         """Give GPU memory back."""
         self._geometry.release()
-        for thing in (self._array, self._commands, self._framebuffer, self._backdrop, self._scene, self._open):
+        for thing in (self._array, self._framebuffer, self._backdrop, self._scene, self._open):
             if thing is not None:
                 thing.release()
 
-    def _bind(self) -> None:
-        """New buffers: all tiles are drawn, since a picture now and then does not pay for culling."""
-        self._array = None
-        if self._geometry.empty:
-            return
-        vertices, instances = self._geometry.vertices, self._geometry.instances
-        assert vertices is not None
-        assert instances is not None
-        textured = self._geometry.has_normal_maps
-        rest = instances.size // len(self._geometry.tile_radius) - 13 * 4  # bytes of an instance that are for sonars only
-        content = [
-            (vertices, "3f 3f 8x" if textured else "3f 3f", "in_position", "in_normal"),
-            (instances, f"4f 4f 4f 1f {rest}x/i", "in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance"),
-        ]
-        self._array = self._context.vertex_array(
-            self._scene, content, index_buffer=self._geometry.indices, index_element_size=4
-        )
-        commands = self._geometry.commands(np.arange(len(self._geometry.tile_radius)))
-        self._commands, self._count = self._context.buffer(commands.tobytes()), len(commands)
+    def _bound(self) -> moderngl.VertexArray:
+        """The world's buffers and the program, bound again whenever the buffers are others."""
+        if self._array is None or self._generation != self._geometry.generation:
+            textured = self._geometry.has_normal_maps
+            rest = INSTANCE.itemsize - 13 * 4  # bytes of an instance that only sonars read
+            content = [
+                (self._geometry.vertices, "3f 3f 8x" if textured else "3f 3f", "in_position", "in_normal"),
+                (self._geometry.instances, f"4f 4f 4f 1f {rest}x/i", *_OF_INSTANCE),
+            ]
+            self._array = self._context.vertex_array(
+                self._scene, content, index_buffer=self._geometry.indices, index_element_size=4
+            )
+            self._generation = self._geometry.generation
+        return self._array
 
     def _target(self) -> moderngl.Framebuffer:
         size = (self.view.width, self.view.height)
