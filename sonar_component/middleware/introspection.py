@@ -69,7 +69,7 @@ class Introspection:
         return {
             "type": port.schema.name, "doc": port.doc, "written": port.seq, "failures": port.failures,
             "listeners": port.listeners(), "bytes": publisher.sent_bytes if publisher else 0,
-            "rejected": dict(publisher.rejected) if publisher else {},
+            "rejected": publisher.rejected.as_dict() if publisher else {},
         }  # fmt: skip
 
     def _get(self, task: Task, request: Request) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -96,6 +97,7 @@ class Mailbox:
         self.account = Account()
         self._lock = threading.Lock()
         self._waiting: deque[Received] = deque()
+        self.on_room: Callable[[], None] = lambda: None
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -123,7 +125,11 @@ class Mailbox:
     def take(self) -> Received | None:
         """The oldest waiting sample, or None."""
         with self._lock:
-            return self._waiting.popleft() if self._waiting else None
+            was_full = self.full
+            received = self._waiting.popleft() if self._waiting else None
+        if was_full:
+            self.on_room()
+        return received
 
     def peek(self) -> Received | None:
         """The newest waiting sample, left where it is."""

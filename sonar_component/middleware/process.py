@@ -13,6 +13,7 @@ import select
 import signal
 import sys
 import time
+import zlib
 from concurrent.futures import wait
 from functools import partial
 from typing import Any
@@ -100,6 +101,9 @@ class Process:
             if port.full_name in self.plan.addresses:
                 endpoints.append(self.plan.addresses[port.full_name])
             self.transport.bind(port, endpoints, self.clock.name)
+            for connection in self.plan.connections:
+                if connection.source == port.full_name and self._is_reliable(connection):
+                    self.transport.bind_reliable(port, self._reliable_endpoint(connection))
 
     def _join(self, planned: ConnectionPlan) -> None:
         reader, _, input_name = planned.target.partition(".")
@@ -111,12 +115,20 @@ class Process:
         if writer in self.tasks:
             connect_in_process(self.tasks[writer].outputs[output_name], port, policy, planned.max_age)
             return
-        endpoint = self.instance.endpoint(planned.source)
+        reliable = self._is_reliable(planned)
+        endpoint = self._reliable_endpoint(planned) if reliable else self.instance.endpoint(planned.source)
         subscriber = self.transport.connect(port, planned.source, endpoint, policy, planned.max_age)
         subscriber.on_restart = lambda source: self.tasks[reader].upstream_restarted(source)
         runner = self.runners[reader]
         if isinstance(runner.activity, PortDriven) and runner.task.name == reader:
             runner.bell.attend(subscriber)
+
+    def _is_reliable(self, planned: ConnectionPlan) -> bool:
+        reader, writer = planned.target.partition(".")[0], planned.source.partition(".")[0]
+        return planned.policy == "reliable" and not {reader, writer} <= set(self.tasks)
+
+    def _reliable_endpoint(self, planned: ConnectionPlan) -> str:
+        return self.instance.endpoint(f"{planned.source}.{zlib.crc32(planned.target.encode()):08x}")
 
     def _record(self, planned: TaskPlan, control: str) -> dict[str, Any]:
         task = self.tasks[planned.name]

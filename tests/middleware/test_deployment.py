@@ -125,7 +125,5 @@ def test_sections_of_config_files_are_laid_over_each_other_from_left_to_right(tm
 
 def test_a_mistake_in_a_config_file_is_named_there(tmp_path: Path) -> None:
     (tmp_path / "fls.yaml").write_text("range: 10 m\nbin_count: 0\n")
-    with pytest.raises(
-        SettingsError, match=r"fls\.yaml:2:1: bin_count: must be at least 1, got 0"
-    ):
+    with pytest.raises(SettingsError, match=r"fls\.yaml:2:1: bin_count: must be at least 1, got 0"):
         check(tmp_path, GOOD.replace("configs/sonars/gemini_720i.yaml", "fls.yaml"))

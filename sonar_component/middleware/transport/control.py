@@ -18,6 +18,7 @@ import msgpack
 import zmq
 
 from sonar_component.middleware.transport.loop import Loop
+from sonar_component.middleware.transport.rejections import Rejections, peer_of
 from sonar_component.middleware.transport.sockets import MAX_REQUEST_BYTES, Socket, open_socket
 
 _log = logging.getLogger("transport")
@@ -29,7 +30,7 @@ class ControlServer:
 
     Attributes
     ----------
-    rejected : messages that are no requests, by reason.
+    rejected : messages that are no requests.
     """
 
     def __init__(self, context: zmq.Context[Any], endpoints: list[str], loop: Loop, answer: Answer) -> None:
@@ -39,7 +40,7 @@ class ControlServer:
         self.fd = int(self._socket.getsockopt(zmq.FD))
         self._loop, self._answer = loop, answer
         self._lock = threading.Lock()
-        self.rejected: dict[str, int] = {}
+        self.rejected = Rejections("control")
         loop.add(self)
 
     def serve(self) -> None:
@@ -49,7 +50,7 @@ class ControlServer:
                 if self._socket.closed:
                     return
                 try:
-                    frames = self._socket.recv_multipart(zmq.NOBLOCK)
+                    frames = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
                 except zmq.Again:
                     return
             self._request(frames)
@@ -59,16 +60,17 @@ class ControlServer:
         with self._lock:
             self._socket.close()
 
-    def _request(self, frames: list[bytes]) -> None:
-        if len(frames) != 3 or frames[1]:
-            return self._reject("request must be an empty frame and a map")
+    def _request(self, frames: list[zmq.Frame]) -> None:
+        address = peer_of(frames[-1])
+        if len(frames) != 3 or frames[1].bytes:
+            return self.rejected.add(address, "request must be an empty frame and a map")
         try:
-            request = msgpack.unpackb(frames[2], strict_map_key=True)
+            request = msgpack.unpackb(frames[2].bytes, strict_map_key=True)
         except Exception:  # msgpack raises a dozen types for the same fact
-            return self._reject("request is not msgpack")
+            return self.rejected.add(address, "request is not msgpack")
         if not isinstance(request, dict) or not isinstance(request.get("op"), str):
-            return self._reject("request has no op")
-        peer, number = frames[0], request.get("id")
+            return self.rejected.add(address, "request has no op")
+        peer, number = frames[0].bytes, request.get("id")
         try:
             result = self._answer(request)
         except Exception as error:
@@ -101,11 +103,6 @@ class ControlServer:
     def serve_soon(self) -> None:
         """Sending may have swallowed the sign of a new request."""
         self._loop.call(self.serve)
-
-    def _reject(self, reason: str) -> None:
-        count = self.rejected[reason] = self.rejected.get(reason, 0) + 1
-        if count & (count - 1) == 0:
-            _log.warning("control: %s (%d times)", reason, count)
 
 
 class ControlClient:

@@ -7,7 +7,6 @@ would have to copy the whole sample into it in case somebody comes; this way not
 
 from __future__ import annotations
 
-import logging
 import os
 import threading
 import time
@@ -17,11 +16,11 @@ import zmq
 
 from sonar_component.middleware.codec import ENVELOPE, encode
 from sonar_component.middleware.ports import OutputPort
+from sonar_component.middleware.transport.rejections import Rejections, peer_of
 from sonar_component.middleware.transport.sockets import Socket
 
 RUN_ID = os.urandom(8).hex()  # of this process, in every header
 _NO_COPY_BYTES = 1 << 16  # from here on libzmq borrows the array instead of copying it (measured: 64 kB)
-_log = logging.getLogger("transport")
 
 
 class Publisher:
@@ -29,7 +28,7 @@ class Publisher:
 
     Attributes
     ----------
-    rejected : subscription messages that no reader of ours sends, by reason.
+    rejected : subscription messages that no reader of ours sends.
     """
 
     def __init__(self, socket: Socket, port: OutputPort[Any], clock_name: str = "wall") -> None:
@@ -43,22 +42,31 @@ class Publisher:
         }  # fmt: skip
         self._lock = threading.Lock()
         self._subscribers = 0
+        self._reliable: list[Publisher] = []
         self.sent_bytes = 0
-        self.rejected: dict[str, int] = {}
+        self.rejected = Rejections(port.full_name)
 
     def listeners(self) -> int:
         """Readers in other processes now."""
-        return self._subscribers
+        return self._subscribers + sum(outlet.listeners() for outlet in self._reliable)
+
+    def add_reliable(self, outlet: Publisher) -> None:
+        """Send through one more socket, whose single reader must not lose anything."""
+        self._reliable.append(outlet)
 
     def publish(self, sample: Any, time: int, seq: int) -> bool:
-        """Send to whoever is there; nothing is packed for nobody."""
-        if not self._subscribers:
+        """Send to whoever is there; nothing is packed for nobody. False if a reliable reader has no room."""
+        if not self.listeners():
             return True
-        frames = self._pack(sample, time, seq)
+        frames = [self.topic, *self._pack(sample, time, seq)]
+        self._offer(frames)
+        return all([outlet._offer(frames) for outlet in self._reliable])
+
+    def _offer(self, frames: list[Any]) -> bool:
         with self._lock:
-            self._send([self.topic, *frames])
+            sent = self._send(frames)
             self._take_subscriptions()
-        return True
+        return sent
 
     def serve(self) -> None:
         """Take subscriptions."""
@@ -78,9 +86,9 @@ class Publisher:
         try:
             for index, frame in enumerate(frames):
                 borrowed = index > 1 and frame.nbytes >= _NO_COPY_BYTES
-                self._socket.send(frame, zmq.SNDMORE if index < last else 0, copy=not borrowed)
+                self._socket.send(frame, zmq.NOBLOCK | (zmq.SNDMORE if index < last else 0), copy=not borrowed)
                 self.sent_bytes += len(frame) if index < 2 else frame.nbytes
-        except zmq.Again:
+        except zmq.Again:  # on the first frame only: libzmq counts whole messages
             return False
         return True
 
@@ -89,31 +97,25 @@ class Publisher:
             return
         while True:
             try:
-                message = self._socket.recv(zmq.NOBLOCK)
+                frames = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
             except zmq.Again:
                 return
-            more = self._socket.getsockopt(zmq.RCVMORE)
-            self._subscription(message, bool(more))
+            self._subscription(frames[0].bytes, len(frames) > 1, frames[0])
 
-    def _subscription(self, message: bytes, more: object) -> None:
+    def _subscription(self, message: bytes, more: bool, frame: zmq.Frame) -> None:
         joins, name = message[:1], message[1:]
         if more or joins not in (b"\0", b"\1"):
-            self._reject("message is not a subscription", message)
+            self.rejected.add(peer_of(frame), "message is not a subscription")
         elif name == self.topic:
             self._subscribers = max(0, self._subscribers + (1 if joins == b"\1" else -1))
-        elif name.startswith(b"@") and len(name) <= 255:
+        elif name.startswith(b"@") and len(name) <= 128:
             if joins == b"\1":
                 self._greet(name)
         else:
-            self._reject("no such topic on this port", name)
+            self.rejected.add(peer_of(frame), "subscription to a topic that is not this port's")
 
     def _greet(self, name: bytes) -> None:
         """Give the last sample to one reader; a header with nothing in it where there is none yet."""
         last = self._port.last
         if last is not None:
             self._send([name, *self._pack(last.sample, last.time, last.seq)])
-
-    def _reject(self, reason: str, message: bytes) -> None:
-        count = self.rejected[reason] = self.rejected.get(reason, 0) + 1
-        if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th ...: never a flood in the log
-            _log.warning("%s: %s (%d times): %r", self._port.full_name, reason, count, message[:40])

@@ -15,7 +15,7 @@ from sonar_component.middleware.codec import MAX_HEADER_BYTES
 LINGER_MS = 200
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1000, 3000
 RECONNECT_MS, RECONNECT_MAX_MS = 20, 500
-MAX_SUBSCRIPTION_BYTES = 4096
+MAX_SUBSCRIPTION_BYTES = 200  # libzmq keeps what a peer subscribes to: about 75 bytes for each byte, until it leaves
 MAX_REQUEST_BYTES = 1 << 20
 HANDSHAKE_MS = 5000
 
@@ -40,6 +40,13 @@ def publisher_socket(context: zmq.Context[Any], queue: int) -> Socket:
     socket = open_socket(context, zmq.XPUB, MAX_SUBSCRIPTION_BYTES)
     socket.setsockopt(zmq.XPUB_VERBOSER, 1)
     socket.setsockopt(zmq.SNDHWM, queue)
+    return socket
+
+
+def reliable_socket(context: zmq.Context[Any], queue: int) -> Socket:
+    """The same for one reader that must not lose anything: a send that finds no room fails."""
+    socket = publisher_socket(context, queue)
+    socket.setsockopt(zmq.XPUB_NODROP, 1)
     return socket
 
 

@@ -6,11 +6,11 @@ HWM 1 or CONFLATE were the alternatives for "latest only": the first leaves 785 
 
 from __future__ import annotations
 
-import logging
 import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import zmq
@@ -19,10 +19,10 @@ from sonar_component.middleware.codec import WireError, decode, unpack
 from sonar_component.middleware.policy import Received
 from sonar_component.middleware.ports import Connection
 from sonar_component.middleware.schema import Schema
+from sonar_component.middleware.transport.rejections import Rejections
 from sonar_component.middleware.transport.sockets import Socket
 
 _MAX_PARTS = 258  # topic, header and as many buffers as a header may describe
-_log = logging.getLogger("transport")
 Decoder = Callable[[dict[str, Any], list[Any]], Any]
 
 
@@ -30,13 +30,15 @@ class Subscriber:
     """Receives for one connection; counts what is lost and what breaks the format."""
 
     def __init__(self, socket: Socket, connection: Connection, decoder: Decoder | Schema, reader: str) -> None:
-        self._socket, self._connection, self._reader = socket, connection, reader
+        self._socket, self._connection = socket, connection
+        self.rejected = Rejections(reader)
         self.fd = int(socket.getsockopt(zmq.FD))
         self._decode: Decoder = _decoder(decoder) if isinstance(decoder, Schema) else decoder
         self._lock = threading.Lock()
         self._topic = connection.source.encode() + b"\0"
         self._own = b"@" + os.urandom(8).hex().encode()
         self._run, self._seq = "", 0
+        self._cut = False
         self.bytes = 0
         self.on_restart: Callable[[str], None] = lambda source: None
         socket.subscribe(self._topic)
@@ -46,12 +48,29 @@ class Subscriber:
     def serve(self) -> None:
         """Take everything that has come."""
         with self._lock:
-            while not self._socket.closed and not self._connection.mailbox.full:
+            while not self._socket.closed:
+                if self._connection.mailbox.full:
+                    self._socket.getsockopt(zmq.EVENTS)  # puts the descriptor to sleep; what came stays in the socket
+                    return
                 try:
                     topic = self._socket.recv(zmq.NOBLOCK)
                 except zmq.Again:
                     return
                 self._take(topic)
+
+    def connect(self, endpoint: str) -> None:
+        """Connect, or connect anew: libzmq gives up on a peer that once sent too large a frame."""
+        with self._lock:
+            if self._socket.closed:
+                return
+            if self._run or self._cut:
+                with suppress(zmq.ZMQError):  # it has forgotten the address
+                    self._socket.disconnect(endpoint)
+            self._socket.connect(endpoint)
+
+    def disconnected(self) -> None:
+        """Remember that the connection broke: what comes next tells why."""
+        self._cut = True
 
     def close(self) -> None:
         """Close the socket."""
@@ -91,6 +110,10 @@ class Subscriber:
             self._count_restart(header)
         else:
             account.lost += header["seq"] - self._seq - 1
+        if self._cut and not restarted:
+            self.rejected.add(self._connection.source, "connection was cut: a frame above the limit, or no heartbeat")
+            self._connection.mailbox.account.rejected = self.rejected.as_dict()
+        self._cut = False
         self._run, self._seq = header["run"], header["seq"]
         self.bytes += size + sum(buffer.nbytes for buffer in buffers)
         self._connection.deliver(Received(sample, header["t"], header["seq"], time.monotonic()))
@@ -101,13 +124,8 @@ class Subscriber:
             self.on_restart(self._connection.source)
 
     def _reject(self, error: WireError) -> None:
-        reason = str(error)
-        rejected = self._connection.mailbox.account.rejected
-        if reason not in rejected and len(rejected) >= 100:
-            reason = "other"  # a stranger's invention must not fill the memory
-        count = rejected[reason] = rejected.get(reason, 0) + 1
-        if count & (count - 1) == 0:
-            _log.warning("%s: bad message from %s: %s (%d times)", self._reader, self._connection.source, reason, count)
+        self.rejected.add(self._connection.source, str(error))
+        self._connection.mailbox.account.rejected = self.rejected.as_dict()
 
 
 def _decoder(schema: Schema) -> Decoder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import zmq
@@ -10,10 +11,12 @@ from sonar_component.middleware.policy import Mailbox, Policy
 from sonar_component.middleware.ports import Connection, InputPort, OutputPort
 from sonar_component.middleware.schema import Schema
 from sonar_component.middleware.transport.loop import Loop
+from sonar_component.middleware.transport.monitor import FAILED, Monitor
 from sonar_component.middleware.transport.publisher import Publisher
-from sonar_component.middleware.transport.sockets import publisher_socket, subscriber_socket
+from sonar_component.middleware.transport.sockets import publisher_socket, reliable_socket, subscriber_socket
 from sonar_component.middleware.transport.subscriber import Decoder, Subscriber
 
+_TERM = 1.0  # [s], above LINGER_MS
 _SPARE = 64  # messages that may wait in a subscriber's socket beside those of its policy
 
 
@@ -25,6 +28,7 @@ class Transport:
         self.loop = Loop()
         self.publishers: dict[str, Publisher] = {}
         self.subscribers: list[Subscriber] = []
+        self.monitors: list[Monitor] = []
         self.loop.start()
 
     def bind(self, port: OutputPort[Any], endpoints: list[str], clock_name: str = "wall") -> Publisher:
@@ -35,7 +39,22 @@ class Transport:
         publisher = Publisher(socket, port, clock_name)
         port.carrier = self.publishers[port.full_name] = publisher
         self.loop.add(publisher)
+        if any(endpoint.startswith("tcp:") for endpoint in endpoints):
+            self._watch(Monitor(socket, FAILED, publisher.rejected.add))
         return publisher
+
+    def bind_reliable(self, port: OutputPort[Any], endpoint: str) -> None:
+        """Offer a bound port once more, to one reader that must not lose anything.
+
+        Each has a socket of its own: libzmq's NODROP blocks a whole socket, and one reader that stands still must not
+        keep samples from another.
+        """
+        socket = reliable_socket(self.context, 1)  # what waits, waits at the reader
+        socket.bind(endpoint)
+        outlet = Publisher(socket, port)
+        self.publishers[endpoint] = outlet
+        self.publishers[port.full_name].add_reliable(outlet)
+        self.loop.add(outlet)
 
     def connect(
         self, port: InputPort[Any], source: str, endpoint: str, policy: Policy, max_age: float | None = None
@@ -49,18 +68,37 @@ class Transport:
         self, endpoint: str, connection: Connection, decoder: Decoder | Schema, reader: str, max_bytes: int
     ) -> Subscriber:
         """Fill a connection's mailbox from an address."""
-        socket = subscriber_socket(self.context, connection.mailbox.policy.size + _SPARE, max_bytes)
+        policy = connection.mailbox.policy
+        reliable = policy.kind == "reliable"
+        socket = subscriber_socket(self.context, policy.size + (0 if reliable else _SPARE), max_bytes)
         subscriber = Subscriber(socket, connection, decoder, reader)
-        socket.connect(endpoint)
+        if reliable:
+            connection.mailbox.on_room = lambda: self.loop.call(subscriber.serve)
+        subscriber.connect(endpoint)
         self.subscribers.append(subscriber)
         self.loop.add(subscriber)
+
+        def again(peer: str, reason: str) -> None:
+            subscriber.disconnected()
+            subscriber.connect(endpoint)
+            subscriber.serve()
+
+        self._watch(Monitor(socket, zmq.EVENT_DISCONNECTED, again))
         return subscriber
+
+    def _watch(self, monitor: Monitor) -> None:
+        self.monitors.append(monitor)
+        self.loop.add(monitor)
 
     def close(self) -> None:
         """Close everything; what is on its way has `LINGER_MS` to leave."""
         self.loop.stop()
+        for monitor in self.monitors:
+            monitor.close()
         for publisher in self.publishers.values():
             publisher.close()
         for subscriber in self.subscribers:
             subscriber.close()
-        self.context.term()
+        end = threading.Thread(target=self.context.term, daemon=True)  # it waits for ever for a socket left open
+        end.start()
+        end.join(_TERM)

@@ -1,0 +1,52 @@
+"""What libzmq says about a socket's connections: who was cut off, and whose handshake failed.
+
+A peer that sends a frame above the limit is cut off and, in libzmq 4.3.5, *not* connected again; so is noise on a TCP
+port. Neither is seen in the messages, so both are taken from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import zmq
+from zmq.utils.monitor import parse_monitor_message
+
+from sonar_component.middleware.transport.sockets import Socket
+
+_WHY = {
+    int(zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL): "handshake failed",
+    int(zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL): "handshake failed: not the protocol or security of this port",
+    int(zmq.EVENT_HANDSHAKE_FAILED_AUTH): "handshake failed: key is not on the allow-list",
+}
+FAILED = sum(_WHY)
+
+
+class Monitor:
+    """Tells of disconnections or failed handshakes of one socket.
+
+    Parameters
+    ----------
+    socket : to be watched.
+    events : `FAILED`, or ``zmq.EVENT_DISCONNECTED``.
+    tell : called with the peer's address and the reason, in the loop's thread.
+    """
+
+    def __init__(self, socket: Socket, events: int, tell: Callable[[str, str], None]) -> None:
+        self._socket, self._tell = socket.get_monitor_socket(events), tell
+        self._watched = socket
+        self.fd = int(self._socket.getsockopt(zmq.FD))
+
+    def serve(self) -> None:
+        """Take events."""
+        while not self._socket.closed:
+            try:
+                event = parse_monitor_message(self._socket.recv_multipart(zmq.NOBLOCK))
+            except zmq.Again:
+                return
+            self._tell(event["endpoint"].decode(errors="replace"), _WHY.get(int(event["event"]), "disconnected"))
+
+    def close(self) -> None:
+        """Stop watching; before the watched socket is closed."""
+        if not self._socket.closed:
+            self._watched.disable_monitor()
+            self._socket.close()
