@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.scene.body import Part
-from sonar_component.scene.collada_file import collada_objects
 from sonar_component.scene.file_object import FileObject
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.surface import Surface, to_mesh
-from sonar_component.scene.trimesh_file import trimesh_objects
 from sonar_component.settings import SettingsError
 
 SUFFIXES = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae")
@@ -140,9 +138,14 @@ def _read(path: Path, options: MeshOptions, warnings: list[str]) -> tuple[list[F
     """Return the objects, and the affine matrix from the file's numbers to metres with Z up."""
     kind, unit, up = path.suffix[1:].lower(), 1.0, "z"
     try:
+        # Each reader is imported for its own files only: trimesh takes half a second, pycollada a sixth.
         if kind == "dae":
+            from sonar_component.scene.collada_file import collada_objects
+
             objects, unit, up = collada_objects(path, warnings)
         else:
+            from sonar_component.scene.trimesh_file import trimesh_objects
+
             objects = trimesh_objects(path, warnings)
     except MemoryError:
         raise SettingsError("needs more memory than there is", str(path)) from None
