@@ -15,15 +15,28 @@ _INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 # typer carries click inside from some version on; what both raise for a wrong command line is the base of this.
 _CommandLineError: Any = typer.BadParameter.__mro__[2]
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, help="Real-time simulator of imaging sonar.")
 
-
-def main() -> None:
-    """Run the command line; a user's mistake prints one line each and exits with 2."""
+def build() -> typer.Typer:
+    """The command with all its verbs."""
+    app = typer.Typer(
+        no_args_is_help=True, pretty_exceptions_enable=False, help="Real-time simulator of imaging sonar."
+    )
     for group in _GROUPS:
         import_module(f"sonar_component.cli.{group}").register(app)
+    return app
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; a user's mistake prints one line each and exits with 2.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Those of the process by default.
+    """
     try:
-        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+        given = sys.argv[1:] if arguments is None else arguments
+        code = build()(args=given or ["--help"], prog_name="sonar", standalone_mode=False)
     except SettingsError as error:
         print(error, file=sys.stderr)
         sys.exit(2)
@@ -43,4 +56,4 @@ def _one_line(error: Any) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "sonar"
     message = " ".join(error.format_message().replace("Value error, ", "").split())
-    return f"{command}: {message.rstrip('.')}. See: {command} --help"
+    return f"{command}: {message}{'' if message.endswith(('.', '?')) else '.'} See: {command} --help"
