@@ -1,0 +1,110 @@
+"""The command line as a whole: one line for a mistake, exit codes, lazy imports."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+import typer.main
+
+from sonar_component.cli.app import build, main
+
+# What takes a moment to import and what a verb like `list` has no use for.
+HEAVY = ("moderngl", "numba", "trimesh", "matplotlib", "PIL")
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as caught:
+        main([*arguments])
+    printed = capsys.readouterr()
+    assert isinstance(caught.value.code, int)
+    return caught.value.code, printed.out, printed.err
+
+
+def verbs() -> dict[str, Any]:
+    return typer.main.get_command(build()).commands  # type: ignore[attr-defined, no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["pnig"], "sonar: No such command 'pnig'. Did you mean 'ping'? See: sonar --help"),
+        (["ping"], "sonar ping: Missing option '--scene'. See: sonar ping --help"),
+        (["ping", "--scene", "x", "--out", "x.npz", "--noise", "loud"], "sonar ping: Invalid value for '--noise': "),
+        (["ping", "--scene", "x", "--out", "x.npz", "--position", "1", "2"], "Option '--position' requires 3 arg"),
+        (["ping", "--scene", "x", "--out", "x.npz", "--position", "1", "2", "up"], "Invalid value for '--position'"),
+        (["run", "--seconds", "-1", "x.yaml"], "sonar run: Invalid value for '--seconds'"),
+        (["run", "nowhere.yaml"], "nowhere.yaml: no such file"),
+        (["--frobnicate"], "sonar: No such option: --frobnicate"),
+    ],
+)
+def test_a_wrong_command_line_gets_one_line_and_exit_code_2(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_nothing_asked_gives_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run(capsys)
+    assert (code, err) == (0, "")
+    assert all(verb in out for verb in ("run", "check", "ping", "list", "echo", "hz", "snapshot", "doctor"))
+
+
+def test_every_verb_explains_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    for verb in verbs():
+        code, out, _ = run(capsys, verb, "--help")
+        assert (code, "Usage: " in out) == (0, True), verb
+
+
+def test_every_verb_but_run_prints_json() -> None:
+    without = {name for name, verb in verbs().items() if "--json" not in [o for p in verb.params for o in p.opts]}
+    assert without <= {"run", "emulate", "record", "replay", "set", "call"}  # these do something; the others print what they found
+
+
+def test_every_option_has_a_word_of_help() -> None:
+    for name, verb in verbs().items():
+        for parameter in verb.params:
+            assert parameter.name == "help" or getattr(parameter, "help", None), f"{name} {parameter.name}"
+
+
+def test_a_full_disk_is_told_in_one_line_with_exit_code_1(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        with open("/dev/full", "wb", buffering=0) as file:
+            file.write(b"x")
+
+    monkeypatch.setattr("sonar_component.settings.paths.find_file", full)
+    code, _, err = run(capsys, "check", "x.yaml")
+    assert (code, err) == (1, "No space left on device\n")
+
+
+def test_ctrl_c_ends_without_a_traceback(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sonar_component.settings.paths.find_file", interrupted)
+    assert run(capsys, "check", "x.yaml")[0] == 130
+
+
+def test_python_m_is_the_same_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "sonar_component", "pnig"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert "Did you mean 'ping'?" in done.stderr
+
+
+def test_a_verb_that_only_looks_imports_no_renderer() -> None:
+    script = (
+        "import sys\nfrom sonar_component.cli.app import main\n"
+        "try:\n    main(['list'])\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
+        f"print([name for name in {HEAVY!r} if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
