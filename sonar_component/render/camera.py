@@ -82,7 +82,9 @@ class Camera:
         self._backdrop = context.vertex_array(self._open, [])
         self._array: moderngl.VertexArray | None = None
         self._generation = -1
+        self._screen = context.detect_framebuffer(0)
         self._framebuffer: moderngl.Framebuffer | None = None
+        self._images: list[moderngl.Renderbuffer] = []
         self.view, self.water = view or View(), water or Water()
 
     def draw(self, world: World, X_WC: Array) -> NDArray[np.uint8]:
@@ -125,7 +127,8 @@ class Camera:
     def release(self) -> None:
         """Give GPU memory back."""
         self._geometry.release()
-        for thing in (self._array, self._framebuffer, self._backdrop, self._scene, self._open):
+        self._release_target()
+        for thing in (self._array, self._backdrop, self._scene, self._open):
             if thing is not None:
                 thing.release()
 
@@ -144,13 +147,20 @@ class Camera:
             self._generation = self._geometry.generation
         return self._array
 
+    def _release_target(self) -> None:
+        # As in gl/target.py: moderngl binds the last framebuffer again, and one that is gone is a GL error.
+        self._screen.use()
+        for thing in (self._framebuffer, *self._images):
+            if thing is not None:
+                thing.release()
+        self._framebuffer, self._images = None, []
+
     def _target(self) -> moderngl.Framebuffer:
         size = (self.view.width, self.view.height)
         if self._framebuffer is None or self._framebuffer.size != size:
-            if self._framebuffer is not None:
-                self._framebuffer.release()
-            colour = self._context.renderbuffer(size, 4, dtype="f4")
-            self._framebuffer = self._context.framebuffer([colour], self._context.depth_renderbuffer(size))
+            self._release_target()
+            self._images = [self._context.renderbuffer(size, 4, dtype="f4"), self._context.depth_renderbuffer(size)]
+            self._framebuffer = self._context.framebuffer(self._images[:1], self._images[1])
         return self._framebuffer
 
     def _set_water(self, X_WC: Array) -> None:
