@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonar_component.gl import Target, load_program, set_uniforms
 from sonar_component.render import tiles
 from sonar_component.render.geometry import Geometry
-from sonar_component.render.layout import Layout, View
+from sonar_component.render.layout import MOST_VIEWS, Layout, View
 
 Array = NDArray[np.float64]
 
@@ -42,17 +42,24 @@ class Optics:
     truth: bool = False
 
 
+@dataclass
+class _Program:
+    """A compiled program, what it is bound to, and for what its uniforms are set."""
+
+    program: moderngl.Program
+    array: moderngl.VertexArray | None = None
+    generation: int = -1
+    layout: Layout | None = None
+    optics: Optics | None = None
+
+
 class FootprintRenderer:
-    """Program, target and draw commands for one layout; compiled again only when features change."""
+    """Draws the samples of a layout; a program is compiled once for each set of features that is used."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._program: moderngl.Program | None = None
-        self._features: dict[str, object] = {}
-        self._array: moderngl.VertexArray | None = None
-        self._generation = -1
+        self._programs: dict[tuple[tuple[str, object], ...], _Program] = {}
         self._target: Target | None = None
-        self._projections: tuple[Layout, Optics] | None = None
         self.geometry = Geometry(context)
 
     def draw(self, X_WS: Array, layout: Layout, optics: Optics) -> Target:
@@ -86,9 +93,12 @@ class FootprintRenderer:
 
     def release(self) -> None:
         """Give GPU memory back."""
-        for thing in (self._target, self._array, self._program):
-            if thing is not None:
-                thing.release()
+        if self._target is not None:
+            self._target.release()
+        for program in self._programs.values():
+            program.program.release()
+            if program.array is not None:
+                program.array.release()
         self.geometry.release()
 
     def features(self, optics: Optics) -> dict[str, object]:
@@ -110,29 +120,32 @@ class FootprintRenderer:
         return self._target
 
     def _prepare_program(self, layout: Layout, optics: Optics) -> moderngl.VertexArray:
-        features = self.features(optics)
-        defines = {**features, "VIEWS": len(layout.views)}
-        if self._program is None or defines != self._features:
-            self._features = defines
-            self._program = load_program(
-                self._context, _SHADERS, defines, vertex_shader="footprint.vert", fragment_shader="footprint.frag"
-            )
-            self._array = self._projections = None
-        if self._array is None or self._generation != self.geometry.generation:
-            self._array, self._generation = self._bind(self._program, optics), self.geometry.generation
-        if self._projections is None or self._projections[0] is not layout or self._projections[1] != optics:
-            self._projections = (layout, optics)
+        defines = {**self.features(optics), "VIEWS": MOST_VIEWS}
+        key = tuple(defines.items())
+        if key not in self._programs:
+            sources = {"vertex_shader": "footprint.vert", "fragment_shader": "footprint.frag"}
+            self._programs[key] = _Program(load_program(self._context, _SHADERS, defines, **sources))
+        program = self._programs[key]
+        if program.array is None or program.generation != self.geometry.generation:
+            program.array, program.generation = self._bind(program.program, optics), self.geometry.generation
+        if program.layout is not layout or program.optics != optics:
+            program.layout, program.optics = layout, optics
             far = _DRAWN_BEYOND * optics.range_max
             matrices = [projection(view, layout.columns, near_plane(optics), far) for view in layout.views]
             bands = np.array([(view.first_column, view.columns) for view in layout.views], np.float32)
-            set_uniforms(self._program, X_DS=b"".join(matrices), band=bands.tobytes(), shear=layout.views[0].shear)
-            set_uniforms(self._program, column_count=float(layout.columns), range_max=optics.range_max)
-            self._set_optics(self._program, optics)
+            set_uniforms(
+                program.program,
+                X_DS=b"".join(matrices).ljust(64 * MOST_VIEWS, b"\0"),
+                band=bands.tobytes().ljust(8 * MOST_VIEWS, b"\0"),
+                shear=layout.views[0].shear,
+            )
+            set_uniforms(program.program, column_count=float(layout.columns), range_max=optics.range_max)
+            self._set_optics(program.program, optics)
         # Reflectances may have changed with the world.
-        set_uniforms(self._program, strength_max=strength_max(optics, self.geometry.reflectance_max))
+        set_uniforms(program.program, strength_max=strength_max(optics, self.geometry.reflectance_max))
         if self.geometry.normal_maps is not None:
             self.geometry.normal_maps.use(0)
-        return self._array
+        return program.array
 
     def _set_optics(self, program: moderngl.Program, optics: Optics) -> None:
         if optics.sigmoid is not None:

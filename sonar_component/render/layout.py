@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MAX_VIEW = np.radians(45.0)  # [rad]; wider views spend more cells above the aperture and at their sides
+MOST_VIEWS = 48  # [-]; their matrices fit the uniforms that every OpenGL 4.3 has
 _MOST_SHEARED = 0.3  # [-], rows added to a view by its shear, relative to those over the aperture
 _LEAST_COLUMNS = 16  # [-], per view: below that the shear's rows are fewer than what another view costs
 
@@ -135,7 +136,7 @@ def build_layout(
     widest = MAX_VIEW
     if shear > 0:
         widest = min(widest, column_width * max(_LEAST_COLUMNS, _MOST_SHEARED * rows / shear))
-    count = max(1, int(np.ceil((left - right) / widest - 1e-9)))
+    count = min(MOST_VIEWS, max(1, int(np.ceil((left - right) / widest - 1e-9))))
     half = (left - right) / count / 2
     columns = max(1, int(np.ceil(2 * np.tan(half) / column_width - 1e-9)))
     y_step = 2 * np.tan(half_height) / rows

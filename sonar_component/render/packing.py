@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,6 +133,6 @@ def _vertices(meshes: list[Mesh], with_uv: bool) -> NDArray[np.float32]:
     return _joined(rows, np.float32, (8 if with_uv else 6,))
 
 
-def _joined(pieces: list[NDArray[np.generic]], dtype: object, shape: tuple[int, ...]) -> NDArray[np.generic]:
-    empty = np.zeros((0, *shape), dtype)  # type: ignore[call-overload]
-    return np.concatenate([empty, *pieces]).astype(dtype, copy=False) if pieces else empty  # type: ignore[call-overload]
+def _joined(pieces: Sequence[NDArray[Any]], dtype: Any, shape: tuple[int, ...]) -> NDArray[Any]:
+    """All pieces as one array of that type, also when there is none."""
+    return np.concatenate([np.zeros((0, *shape), dtype), *pieces]).astype(dtype, copy=False)

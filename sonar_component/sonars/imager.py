@@ -4,25 +4,42 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_component.echo.assignment import assign
+from sonar_component.echo.assignment import Assignment, assign
 from sonar_component.echo.beams import BeamTable
 from sonar_component.echo.binning import Scale, bin_footprints
 from sonar_component.echo.reduction import GpuReduction
 from sonar_component.echo.truth import Truth, strongest_samples
 from sonar_component.gl import Context, Target, is_software
 from sonar_component.render.footprints import FootprintRenderer, Optics, decode, strength_max
-from sonar_component.render.layout import build_layout
+from sonar_component.render.layout import Layout, build_layout
 from sonar_component.samples import Frame
 from sonar_component.scene.world import World
-from sonar_component.sonars.plan import Plan, make_plan
+from sonar_component.sonars.plan import START, Plan, choose_level, highest_level, plan_at
 from sonar_component.sonars.settings import SonarSettings
 
+_PLANNED_FOR = ("range", "min_range", "bin_count", "accuracy", "enable_attenuation", "attenuation_properties")
+_LOOK_AGAIN = 256  # [images], until the plan is checked against the scene as it is seen then
 _SATURATED = 0.5  # [-], share of the bins at full scale from which an image says nothing
+
+
+@dataclass(frozen=True)
+class _Tables:
+    """What depends on beams and plan alone."""
+
+    plan: Plan
+    layout: Layout
+    assignment: Assignment
+
+
+def _same(a: BeamTable, b: BeamTable) -> bool:
+    edges = all(np.array_equal(x, y) for x, y in ((a.right, b.right), (a.left, b.left)))
+    return edges and a.half_height == b.half_height
 
 
 class FanImager:
@@ -34,18 +51,21 @@ class FanImager:
     def __init__(self, context: Context, settings: SonarSettings, beams: BeamTable) -> None:
         self._context, self._software = context, is_software(context)
         self._renderer = FootprintRenderer(context)
+        self._level, self._due = START, 0
+        self._tables: dict[int, _Tables] = {}
+        self._planned_for: tuple[World, int] | None = None
+        self.estimated_error = float("nan")
         self._pool = ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "binning")
-        self.adopt(settings, beams)
+        self._settings, self.beams, self._solid_angle = settings, beams, beams.solid_angle
 
     def adopt(self, settings: SonarSettings, beams: BeamTable) -> None:
-        """Take settings and beams into force; tables are made anew only if the sampling changes."""
-        self._settings, self.beams = settings, beams
-        self.plan: Plan = make_plan(beams, settings.accuracy)
-        right, left = float(beams.right.min()), float(beams.left.max())
-        plan = self.plan
-        self._layout = build_layout(right, left, beams.half_height, plan.column_width, plan.rows, plan.shear)
-        self._assignment = assign(beams, self._layout.right, self._layout.left)
-        self._solid_angle = beams.solid_angle
+        """Take settings and beams into force; the samples are planned anew at the next image if it matters."""
+        same_beams = _same(beams, self.beams)
+        if not same_beams:
+            self.beams, self._solid_angle, self._tables = beams, beams.solid_angle, {}
+        if not same_beams or any(getattr(self._settings, name) != getattr(settings, name) for name in _PLANNED_FOR):
+            self._due = 0
+        self._settings = settings
 
     def echoes(self, world: World, X_WS: NDArray[np.float64]) -> NDArray[np.float32]:
         """Clean echo strengths before gain.
@@ -59,28 +79,55 @@ class FanImager:
         -------
         (beams, bins) float32
         """
-        target, scale = self._draw(world, X_WS, truth=False)
+        self._plan_if_due(world, X_WS)
+        return self._image(world, X_WS, self._tables[self._level], self._settings.normalization == "mean")
+
+    def _image(self, world: World, X_WS: NDArray[np.float64], tables: _Tables, mean: bool) -> NDArray[np.float32]:
+        target, scale = self._draw(world, X_WS, tables, self._optics(mean), mean)
         if self._on_gpu:
-            return self._reduction.bins(target.texture, self._layout, self._assignment, self._solid_angle, scale)
-        pixels = target.read()
-        bins, _ = bin_footprints(pixels, self._layout, self._assignment, self._solid_angle, scale, self._pool)
+            return self._reduction.bins(target.texture, tables.layout, tables.assignment, self._solid_angle, scale)
+        bins, _ = bin_footprints(target.read(), tables.layout, tables.assignment, self._solid_angle, scale, self._pool)
         return bins
+
+    def _plan_if_due(self, world: World, X_WS: NDArray[np.float64]) -> None:
+        geometry = (world, world.geometry_version)
+        if self._due > 0 and geometry == self._planned_for:
+            self._due -= 1
+            return
+        start = self._level if geometry == self._planned_for else START
+        self._planned_for, self._due = geometry, _LOOK_AGAIN
+        self._level, self.estimated_error = choose_level(
+            lambda level: self._image(world, X_WS, self._table(level), mean=False),
+            self._settings.accuracy,
+            highest_level(self.beams),
+            start,
+        )
+
+    def _table(self, level: int) -> _Tables:
+        if level not in self._tables:
+            plan = plan_at(self.beams, level)
+            right, left = float(self.beams.right.min()), float(self.beams.left.max())
+            layout = build_layout(right, left, self.beams.half_height, plan.column_width, plan.rows, plan.shear)
+            self._tables[level] = _Tables(plan, layout, assign(self.beams, layout.right, layout.left))
+        return self._tables[level]
 
     def truth(self, world: World, X_WS: NDArray[np.float64]) -> Truth:
         """What stands behind each bin of the image from that pose."""
-        target, scale = self._draw(world, X_WS, truth=True)
+        self._plan_if_due(world, X_WS)
+        tables, mean = self._tables[self._level], self._settings.normalization == "mean"
+        target, scale = self._draw(world, X_WS, tables, replace(self._optics(mean), truth=True), mean)
         pixels = target.read()
         _, weight = bin_footprints(
-            pixels, self._layout, self._assignment, self._solid_angle, scale, self._pool, want_weight=True
+            pixels, tables.layout, tables.assignment, self._solid_angle, scale, self._pool, want_weight=True
         )
-        return strongest_samples(pixels, self._layout, self._assignment, scale, weight)
+        return strongest_samples(pixels, tables.layout, tables.assignment, scale, weight)
 
     def shader_image(self, time: int) -> Frame:
         """The samples of the last image: echo strength [-], range [m] and bearing [rad], float32; NaN on a miss.
 
         Columns run from left to right within each view, row 0 is the top.
         """
-        pixels, layout = self._renderer.read(), self._layout
+        pixels, layout = self._renderer.read(), self._tables[self._level].layout
         strength, distance = decode(pixels, self._greatest)
         bearing = np.broadcast_to(((layout.left + layout.right) / 2).astype(np.float32)[:, None], distance.shape)
         image = np.stack([strength, distance, np.where(distance > 0, bearing, np.nan)], axis=-1)
@@ -96,12 +143,14 @@ class FanImager:
         self._pool.shutdown()
 
     def explain(self) -> list[str]:
-        """What was chosen for these settings, and why, one line each."""
-        layout, s = self._layout, self._settings
-        features = sorted(self._renderer.features(self._optics(truth=False))) or ["none"]
+        """What was chosen for the last image, and why, one line each."""
+        layout, s = self._tables[self._level].layout, self._settings
+        features = sorted(self._renderer.features(self._optics(s.normalization == "mean"))) or ["none"]
+        per_beam = float(np.mean(self.beams.left - self.beams.right) / np.mean(layout.left - layout.right))
         return [
-            f"accuracy {s.accuracy:g}: {layout.columns} x {layout.rows} samples in {len(layout.views)} views",
-            *self.plan.reasons,
+            f"{layout.columns} x {layout.rows} samples in {len(layout.views)} views: {per_beam:.1f} columns per beam",
+            f"estimated energy error {self.estimated_error:.4f} for accuracy {s.accuracy:g}, "
+            "from the difference to the next finer samples of this scene",
             f"shader features in use: {', '.join(features).lower()}",
             f"samples become bins on the {'graphics card' if self._on_gpu else 'CPU'}: "
             f"the driver draws on the {'CPU' if self._software else 'card'}",
@@ -117,18 +166,21 @@ class FanImager:
             return [f"more than {_SATURATED:.0%} of the bins are at full scale: lower the gain"]
         return []
 
-    def _optics(self, truth: bool) -> Optics:
+    def _optics(self, mean: bool) -> Optics:
         s = self._settings
         attenuation = s.attenuation_properties.nepers_per_metre() if s.enable_attenuation else 0.0
-        return Optics(s.range, s.range / s.bin_count, s.sigmoid, attenuation, truth)
+        # A planner's energy image of a sonar with the paper's mean has no use for the sigmoid.
+        sigmoid = s.sigmoid if mean == (s.normalization == "mean") else None
+        return Optics(s.range, s.range / s.bin_count, sigmoid, attenuation)
 
-    def _draw(self, world: World, X_WS: NDArray[np.float64], truth: bool) -> tuple[Target, Scale]:
+    def _draw(
+        self, world: World, X_WS: NDArray[np.float64], tables: _Tables, optics: Optics, mean: bool
+    ) -> tuple[Target, Scale]:
         s = self._settings
         self._renderer.geometry.update(world)
-        optics = self._optics(truth)
-        target = self._renderer.draw(X_WS, self._layout, optics)
+        target = self._renderer.draw(X_WS, tables.layout, optics)
         self._greatest = strength_max(optics, self._renderer.geometry.reflectance_max)
-        return target, Scale(s.bin_count, s.range, s.min_range, self._greatest, s.normalization == "mean")
+        return target, Scale(s.bin_count, s.range, s.min_range, self._greatest, mean)
 
     @property
     def _on_gpu(self) -> bool:

@@ -1,12 +1,29 @@
-"""How many samples a fan needs for the accuracy that was asked for."""
+"""How many samples a fan needs for the accuracy that was asked for: measured on the scene itself, not guessed.
+
+The error of an image depends on what is in it: a flat floor is exact at once, a wreck with ribs and shadow edges needs
+more. So the planner renders the scene on two neighbouring levels of a ladder and takes their difference as the error of
+the coarser one, going up or down until the cheapest level that meets the target is found. It looks when settings or
+geometry change and now and then while running. A formula of beams, bins and aperture alone lost: between the standard
+scenes the same samples differ five times in error.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonar_component.echo.beams import BeamTable
+
+# Columns per beam and rows per 20 deg of aperture; each level has about twice the samples of the one before.
+LADDER = ((1, 24), (2, 32), (3, 48), (4, 64), (6, 96), (8, 128), (12, 192), (16, 256), (24, 384))
+START = 3  # [level]
+_COARSER = 0.87  # [-], share of a difference that is the coarser level's own: the finer one has half the error
+_SLACK = 0.5  # [-], of the target: going down a level must leave this much room, or the choice would flicker
+_WIDEST = np.radians(2.0)  # [rad], of a column with one column per beam: keeps footprints local in wide beams
+_MOST_SAMPLES = 4_000_000  # [-], 32 MB of target
 
 
 @dataclass(frozen=True)
@@ -15,30 +32,78 @@ class Plan:
 
     Attributes
     ----------
+    level : int
+        On the ladder.
     column_width : float
         Greatest width of a cell in azimuth [rad].
     rows : int
         Cells over the elevation aperture.
     shear : float
         From column to column [cells]: see render/layout.py.
-    reasons : tuple of str
-        Why, in words.
     """
 
+    level: int
     column_width: float
     rows: int
     shear: float
-    reasons: tuple[str, ...]
 
 
-def make_plan(beams: BeamTable, accuracy: float) -> Plan:
-    """Choose the samples for a target energy error [-]."""
-    finer = (0.02 / accuracy) ** 0.62  # the error falls with the samples to the power 0.8, rows and columns alike
+def plan_at(beams: BeamTable, level: int) -> Plan:
+    """The plan of a level for these beams."""
+    per_beam, rows = LADDER[level]
     width = float(np.min(beams.left - beams.right))
-    column_width = min(width / np.ceil(4 * finer), np.radians(0.5) / finer)
-    rows = int(max(64 * finer, 2 * np.degrees(beams.half_height) / 0.35 * finer, 8))
-    reasons = (
-        f"columns of {np.degrees(column_width):.3g} deg: {width / column_width:.3g} for the narrowest beam",
-        f"{rows} rows over {2 * np.degrees(beams.half_height):.3g} deg",
-    )
-    return Plan(float(column_width), rows, 1.0 / min(8, max(2, round(width / column_width))), reasons)
+    column_width = min(width, _WIDEST) / per_beam
+    tall = np.clip(2 * np.degrees(beams.half_height) / 20.0, 0.25, 8.0)
+    columns = max(2, min(8, round(width / column_width)))
+    return Plan(level, float(column_width), max(4, round(rows * float(tall))), 1.0 / columns)
+
+
+def highest_level(beams: BeamTable) -> int:
+    """The finest level whose target stays within reason."""
+    span = float(beams.left.max() - beams.right.min())
+    level = len(LADDER) - 1
+    while level and span / plan_at(beams, level).column_width * plan_at(beams, level).rows > _MOST_SAMPLES:
+        level -= 1
+    return level
+
+
+def choose_level(
+    energy_image: Callable[[int], NDArray[np.float32]], accuracy: float, highest: int, start: int = START
+) -> tuple[int, float]:
+    """The coarsest level that meets a target, and its estimated energy error [-].
+
+    Parameters
+    ----------
+    energy_image : function of a level -> (beams, bins) float32
+    accuracy : float
+        Target [-].
+    highest : int
+        Level to stop at, met or not.
+    start : int
+        Level to begin with.
+    """
+    images: dict[int, NDArray[np.float32]] = {}
+
+    def estimate(level: int) -> float:
+        for wanted in (level, level + 1):
+            if wanted not in images:
+                images[wanted] = energy_image(wanted)
+        finer = float(np.linalg.norm(images[level + 1]))
+        return _COARSER * float(np.linalg.norm(images[level + 1] - images[level])) / finer if finer > 0 else 0.0
+
+    level = min(start, highest - 1)
+    error = estimate(level)
+    if error <= accuracy:
+        while level > 0:
+            lower = estimate(level - 1)
+            if lower > _SLACK * accuracy:
+                break
+            level, error = level - 1, lower
+        return level, error
+    while error > accuracy and level < highest - 1:
+        level += 1
+        error = estimate(level)
+    if error > accuracy:
+        # The finest level has no finer neighbour: half of the difference is what the ladder promises.
+        return highest, error / 2
+    return level, error
