@@ -8,7 +8,8 @@ import trimesh
 from PIL import Image
 
 from sonar_component.scene import load_world
-from sonar_component.settings import SettingsError
+from sonar_component.scene.scene_settings import SceneSettings
+from sonar_component.settings import SettingsError, load_yaml, validate
 
 
 def write(folder: Path, text: str) -> Path:
@@ -171,6 +172,13 @@ def test_an_unknown_kind_of_scene_is_refused(tmp_path: Path) -> None:
     (tmp_path / "scene.blend").touch()
     with pytest.raises(SettingsError, match=r"scene.blend: is not a scene known here; allowed: \.yaml"):
         load_world(tmp_path / "scene.blend")
+
+
+def test_the_example_in_the_readme_is_valid() -> None:
+    readme = Path(__file__).parents[2] / "configs" / "scenes" / "README.md"
+    example = readme.read_text().split("```yaml\n")[1].split("```")[0]
+    scene = validate(SceneSettings, load_yaml(readme, example))
+    assert set(scene.bodies) == {"wreck", "buoy", "floor"}
 
 
 SCENES = sorted((Path(__file__).parents[2] / "configs" / "scenes").glob("*/scene.yaml"))

@@ -295,6 +295,22 @@ def test_an_l_shaped_polyline_is_a_closed_solid_of_its_volume(tmp_path: Path) ->
     assert solid.volume == pytest.approx((4 * 1 + 1 * 2) * 2)
 
 
+def test_a_polyline_inside_another_is_a_hole_and_inside_that_an_island(tmp_path: Path) -> None:
+    def ring(x: float, y: float, half: float) -> str:
+        corners = [(x - half, y - half), (x - half, y + half), (x + half, y + half), (x + half, y - half)]
+        points = "".join(f"<point>{a} {b}</point>" for a, b in corners)
+        return f"<polyline>{points}<height>2</height></polyline>"
+
+    shape = ring(0, 0, 5) + ring(-2, 1, 1.5) + ring(3, 0, 1) + ring(-2, 1, 0.5) + ring(20, 0, 1)
+    world = world_of(tmp_path, f'<model name="m">{link(shape=shape)}</model>')
+    mesh = world.bodies["m"].parts[0].mesh
+    solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    solid.merge_vertices()
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(2 * (100 - 9 - 4 + 1 + 4))
+    assert world.warnings == []
+
+
 def test_a_heightmap_gives_its_height_to_its_brightest_pixel(tmp_path: Path) -> None:
     Image.fromarray(np.array([[0, 100], [50, 0]], np.uint8)).save(tmp_path / "h.png")
     shape = "<heightmap><uri>file://h.png</uri><size>20 10 5</size><pos>1 2 -30</pos></heightmap>"

@@ -54,10 +54,7 @@ class Geometries:
         if shape.tag == "heightmap":
             return self._heightmap(shape)
         if shape.tag == "polyline":
-            outlines = list(geometry.all("polyline"))
-            if len(outlines) > 1:
-                self.warn(outlines[1], "each <polyline> is drawn as a solid of its own; holes are not cut")
-            return [Part(self._once(at, polyline), _PLAIN, np.eye(4)) for at in outlines]
+            return [Part(self._polylines(list(geometry.all("polyline"))), _PLAIN, np.eye(4))]
         if shape.tag not in _SHAPES:
             raise shape.error(f"is not a shape known here; allowed: {', '.join([*_SHAPES, *_FILES])}")
         return [Part(self._once(shape, _SHAPES[shape.tag]), _PLAIN, np.eye(4))]
@@ -67,6 +64,15 @@ class Geometries:
         if key not in self.made:
             self.made[key] = make(shape)
         return self.made[key]
+
+    def _polylines(self, shapes: list[Element]) -> Mesh:
+        """Outlines in the XY plane, drawn up to the height of the first; one inside another is a hole."""
+        outlines = [np.array([numbers(p, (2,), "x y") for p in shape.all("point")]).reshape(-1, 2) for shape in shapes]
+        height = positive(required(shapes[0], "height"), 1, "a height")[0]
+        try:
+            return extruded(outlines, height)
+        except ValueError as error:
+            raise shapes[0].error(str(error)) from None
 
     def _file(self, shape: Element) -> tuple[Element, Path]:
         uri = required(shape, "uri")
@@ -122,16 +128,6 @@ def _submesh(submesh: Element, parts: list[Part]) -> list[Part]:
     shift = np.eye(4)
     shift[:3, 3] = -(points.min(axis=0) + points.max(axis=0)) / 2
     return [replace(part, X_BM=shift @ part.X_BM) for part in chosen]
-
-
-def polyline(shape: Element) -> Mesh:
-    """A <polyline>: an outline in the XY plane, drawn up to a height."""
-    points = np.array([numbers(point, (2,), "x y") for point in shape.all("point")]).reshape(-1, 2)
-    height = positive(required(shape, "height"), 1, "a height")[0]
-    try:
-        return extruded(points, height)
-    except ValueError as error:
-        raise shape.error(str(error)) from None
 
 
 def _box(shape: Element) -> Mesh:
