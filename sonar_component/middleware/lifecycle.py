@@ -91,7 +91,8 @@ class LifeCycle:
         self._hooks, self._on_change = hooks, on_change
         self.state = self.target = State.PRE_OPERATIONAL
         self.substate, self.reason = "", ""
-        self._error_in_start = self._refusal = ""
+        self._refusal = ""
+        self._error_in_start = ("", "")  # reason and sub-state
 
     @property
     def running(self) -> bool:
@@ -113,7 +114,7 @@ class LifeCycle:
             self._enter(State.FATAL_ERROR, substate, reason)
             return True
         if command is Command.ERROR and self.target is State.RUNNING and self.state is State.STOPPED:
-            self._error_in_start = reason or "error"  # RTT allows error() inside startHook
+            self._error_in_start = (reason or "error", substate)  # RTT allows error() inside startHook
             return True
         transition = TABLE.get((self.state, command))
         if transition is None:
@@ -135,13 +136,13 @@ class LifeCycle:
                 self._fail(f"{transition.hook} changed the state itself", "")
                 return False
         refusal, self._refusal = self._refusal, ""
-        at_once, self._error_in_start = self._error_in_start, ""
+        (at_once, its_substate), self._error_in_start = self._error_in_start, ("", "")
         if not accepted:
             self._enter(transition.refused, "", refusal or f"{transition.hook} refused")
         else:
             self._enter(transition.done, substate, reason)
             if at_once:
-                self._enter(State.RUNTIME_ERROR, "", at_once)
+                self._enter(State.RUNTIME_ERROR, its_substate, at_once)
         return accepted
 
     def refuse(self, reason: str) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
 import numpy as np
 
@@ -34,7 +34,7 @@ _GRID = {"color": "white", "alpha": 0.35, "linewidth": 0.7}
 
 def save_png(
     sonar: Sonar,
-    path: str | Path,
+    path: str | Path | BinaryIO,
     kind: Kind = "fan",
     colour_map: str = "copper",
     tone: Tone | None = None,
@@ -46,7 +46,7 @@ def save_png(
     Parameters
     ----------
     sonar : Sonar
-    path : str or Path
+    path : str, Path or open binary file
     kind : "fan" or "polar"
         The world seen from above, or bearing against range.
     colour_map : "copper", "gray" or "viridis"

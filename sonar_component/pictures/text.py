@@ -50,8 +50,25 @@ def _cells(sonar: Sonar, columns: int) -> tuple[NDArray[np.float32], NDArray[np.
     values[:height, :width], inside[:height, :width] = picture[:, :width], table.inside[:, :width]
     blocks = values.reshape(rows // _FINER, _FINER, columns, _FINER)
     strongest = np.fmax.reduce(np.fmax.reduce(blocks, axis=3), axis=1)
+    _raise_to(strongest, sonar, table.extent, picture.shape)
     belongs = inside.reshape(blocks.shape).mean(axis=(1, 3)) >= 0.5
     return strongest, belongs
+
+
+def _raise_to(
+    cells: NDArray[np.float32],
+    sonar: Sonar,
+    extent: tuple[float, float, float, float],
+    pixels: tuple[int, ...],
+) -> None:
+    """Raise each cell to the strongest bin whose middle lies in it: between pixels there may be many bins."""
+    left, right, bottom, top = extent
+    r, b = sonar.bin_ranges()[None, :], sonar.bearings[:, None]
+    row = (top - r * np.cos(b)) / (top - bottom) * pixels[0] / _FINER
+    column = (left - r * np.sin(b)) / (left - right) * pixels[1] / _FINER
+    last_row, last_column = cells.shape[0] - 1, cells.shape[1] - 1
+    at = (np.clip(row.astype(int), 0, last_row), np.clip(column.astype(int), 0, last_column))
+    np.fmax.at(cells, at, sonar.bins)
 
 
 def _plain(values: NDArray[np.float32], inside: NDArray[np.bool_], tone: Tone) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sonar_component.pictures.colours import COLOUR_MAPS, Tone
-from sonar_component.pictures.figure import figure
+from sonar_component.pictures.figure import Kind, save_png
 from sonar_component.samples import Sonar
 
 _MAX_DYNAMIC_RANGE = 120.0  # [dB], what float32 images hold at most
@@ -48,9 +48,8 @@ def saved_file(request: dict[str, Any], sonar: Sonar) -> tuple[str, bytes]:
     if not tone.ceiling > 0:
         raise ValueError(f"ceiling must be above 0, got {tone.ceiling}")
     written = io.BytesIO()
-    figure(sonar, "polar" if view == "polar" else "fan", colour_map, tone, name=str(request.get("source", ""))).savefig(
-        written, format="png", dpi=100
-    )
+    kind: Kind = "polar" if view == "polar" else "fan"
+    save_png(sonar, written, kind, colour_map, tone, name=str(request.get("source", "")))
     return f"{name}.png", written.getvalue()
 
 
