@@ -81,7 +81,7 @@ class Geometry:
         assert self._world is not None
         p = self._packed
         X_WB = np.array([body.X_WB for body in self._world.bodies.values()]).reshape(-1, 4, 4)
-        # Into the world first: a mesh made at UTM coordinates carries its large offset in X_BM, which must cancel exactly.
+        # Into the world first: a mesh made at UTM coordinates carries its large offset in X_BM, which must cancel.
         X_SM = _relative(X_WS, X_WB[p.part_body] @ p.X_BM)[p.tile_part, :3]
         p.instances["X_SM"] = X_SM
         return np.asarray((X_SM[:, :, :3] @ p.tile_centre[:, :, None])[:, :, 0] + X_SM[:, :, 3])
