@@ -20,7 +20,7 @@ from sonar_component.echo.beams import BeamTable
 # Columns per beam and rows per 20 deg of aperture; each level has about twice the samples of the one before.
 LADDER = ((1, 24), (2, 32), (3, 48), (4, 64), (6, 96), (8, 128), (12, 192), (16, 256), (24, 384))
 START = 3  # [level]
-_COARSER = 0.87  # [-], share of a difference that is the coarser level's own: the finer one has half the error
+_COARSER = 1.2  # [-], error of a level relative to its difference from the next: 1.05 to 1.3 on scenes with a reference
 _SLACK = 0.5  # [-], of the target: going down a level must leave this much room, or the choice would flicker
 _WIDEST = np.radians(2.0)  # [rad], of a column with one column per beam: keeps footprints local in wide beams
 _MOST_SAMPLES = 4_000_000  # [-], 32 MB of target

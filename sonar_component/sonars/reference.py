@@ -50,8 +50,7 @@ class Sums:
         def join(x: Array) -> Array:
             return np.asarray(x.reshape(len(x) // beams, beams, -1, bins).sum(axis=(1, 3)))
 
-        parts = (self.solid_angle, self.energy, self.transferred)
-        return Sums(*(join(x) for x in parts), self.beam.reshape(-1, beams).sum(axis=1))
+        return Sums(join(self.solid_angle), join(self.energy), join(self.transferred), self.beam.reshape(-1, beams).sum(axis=1))
 
     def mean(self) -> Array:
         """I of IMAGE FORMATION: the mean of the transfer over the surface in a bin; 0 where there is none."""
