@@ -23,6 +23,8 @@ def register(app: typer.Typer) -> None:
     app.command("list")(list_tasks)
     app.command("echo")(echo)
     app.command("hz")(hz)
+    app.command("bw")(bw)
+    app.command("delay")(delay)
 
 
 def list_tasks(as_json: bool = JSON, instance: str | None = INSTANCE) -> None:
@@ -98,8 +100,72 @@ def hz(
         )
 
 
-def _headers(port: str, seconds: float, timeout: float, instance: str | None) -> tuple[list[float], list[Any], Any]:
-    """Arrival times [s] and headers of what comes within `seconds` of the first sample."""
+def bw(
+    port: str = PORT,
+    seconds: float = typer.Option(3.0, min=0.1, help="How long to measure."),
+    as_json: bool = JSON,
+    timeout: float = TIMEOUT,
+    instance: str | None = INSTANCE,
+) -> None:
+    """Measure the bandwidth of a port."""
+    times, sizes, account = _headers(port, seconds, timeout, instance, _size)
+    elapsed = times[-1] - times[0]
+    rate = sum(sizes[1:]) / elapsed if elapsed else 0.0
+    mean = sum(sizes) / len(sizes)
+    result = {"port": port, "bytes_per_second": rate, "mean_bytes": mean, "samples": len(sizes), "lost": account.lost}
+    if as_json:
+        print_json(result)
+    else:
+        print(f"{port}: {rate / 1e6:.3f} MB/s, {mean / 1e3:.1f} kB a sample, {len(sizes)} samples, lost {account.lost}")
+
+
+def delay(
+    port: str = PORT,
+    seconds: float = typer.Option(3.0, min=0.1, help="How long to measure."),
+    as_json: bool = JSON,
+    timeout: float = TIMEOUT,
+    instance: str | None = INSTANCE,
+) -> None:
+    """Measure how old samples are on arrival: since they were written, and since their data was true."""
+    _, pairs, _ = _headers(port, seconds, timeout, instance, _ages)
+    written = sorted(since_written for since_written, _ in pairs)
+    ages = sorted(age for _, age in pairs if age is not None)
+    transport, age = _spread(written), _spread(ages) if ages else None
+    if as_json:
+        print_json({"port": port, "samples": len(written), "transport_ms": transport, "age_ms": age})
+        return
+    print(f"{port}: since written {_spread_words(transport)} over {len(written)} samples")
+    if age:
+        print(f"{port}: since true    {_spread_words(age)}")
+
+
+def _size(header: dict[str, Any], buffers: list[Any]) -> int:
+    inline = sum(len(entry[3]) for entry in header["arr"] if len(entry) == 4)
+    return int(inline + sum(buffer.nbytes for buffer in buffers))
+
+
+def _ages(header: dict[str, Any], buffers: list[Any]) -> tuple[float, float | None]:
+    """Milliseconds since the sample was written, and since its data was true if that is wall time."""
+    now = time.time_ns() / 1e3
+    return (now - header["tp"]) / 1e3, (now - header["t"]) / 1e3 if header["clk"] == "wall" and header["t"] else None
+
+
+def _spread(values: list[float]) -> dict[str, float]:
+    count = len(values)
+    return {"least": values[0], "median": values[count // 2], "p99": values[int(count * 0.99)], "most": values[-1]}
+
+
+def _spread_words(spread: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:.2f} ms" for name, value in spread.items())
+
+
+def _headers(
+    port: str, seconds: float, timeout: float, instance: str | None, look: Any = lambda header, buffers: None
+) -> tuple[list[float], list[Any], Any]:
+    """Arrival times [s] and what `look` makes of each header, of what comes within `seconds` of the first sample.
+
+    No array is decoded: on frames of a megabyte that would be most of the work.
+    """
     from sonar_component.middleware.client import connect
 
     with connect(
@@ -108,7 +174,7 @@ def _headers(port: str, seconds: float, timeout: float, instance: str | None) ->
         size=10_000,
         timeout=timeout,
         instance=instance,
-        decoder=lambda header, _: header,
+        decoder=look,
     ) as reader:
         first = _receive(reader, timeout)
         times, headers = [first.arrived], [first.sample]

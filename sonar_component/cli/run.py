@@ -15,6 +15,7 @@ def register(app: typer.Typer) -> None:
     """Add the verbs."""
     app.command("run")(run)
     app.command("check")(check)
+    app.command("schema")(schema)
 
 
 def run(
@@ -58,6 +59,13 @@ def check(
             print(f"{file}: good: {tasks} tasks in {len(processes)} processes, {lines} connections")
     if wrong:
         raise typer.Exit(2)
+
+
+def schema() -> None:
+    """Print the JSON Schema of deployment files, for editors: properties of the installed task types are in it."""
+    from sonar_component.middleware.deployment.schema import deployment_schema
+
+    print(json.dumps(deployment_schema(), indent=2))
 
 
 def overrides(settings: list[str]) -> dict[str, dict[str, Any]]:

@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from sonar_component.middleware.lifecycle import Command, State
+from sonar_component.middleware.lockstep import Stepper
 from sonar_component.middleware.operations import call, operations_of
 from sonar_component.middleware.runner import Runner
 from sonar_component.middleware.task import Task
@@ -19,7 +20,9 @@ Request = dict[str, Any]
 class Introspection:
     """Answers the requests of `ControlServer`; what touches a task runs in the task's thread."""
 
-    def __init__(self, tasks: dict[str, Task], runners: dict[str, Runner], transport: Transport) -> None:
+    def __init__(
+        self, tasks: dict[str, Task], runners: dict[str, Runner], transport: Transport, stepper: Stepper | None = None
+    ) -> None:
         self._tasks, self._runners, self._transport = tasks, runners, transport
         self._answers: dict[str, Callable[[Task, Request], Any]] = {
             "state": lambda task, request: state_of(task),
@@ -29,6 +32,8 @@ class Introspection:
             "call": self._call,
             "command": self._command,
         }
+        if stepper is not None:
+            self._answers["step"] = lambda task, request: stepper.step(request)
 
     def answer(self, request: Request) -> Any:
         """The result of a request, or a Future of it; raises ValueError for what is not there."""

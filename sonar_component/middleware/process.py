@@ -23,6 +23,7 @@ from sonar_component.middleware.deployment.plan import ConnectionPlan, Plan, Tas
 from sonar_component.middleware.deployment.task_types import task_type
 from sonar_component.middleware.introspection import Introspection
 from sonar_component.middleware.lifecycle import Command, LifeCycle, State
+from sonar_component.middleware.lockstep import Stepper
 from sonar_component.middleware.policy import Policy
 from sonar_component.middleware.ports import connect_in_process
 from sonar_component.middleware.rundir import Instance, Lock
@@ -67,7 +68,8 @@ class Process:
             self._open_outputs(task)
         for connection in self.plan.connections:
             self._join(connection)
-        self.introspection = Introspection(self.tasks, self.runners, self.transport)
+        stepper = Stepper(self.tasks, self.runners, self.clock) if isinstance(self.clock, SteppedClock) else None
+        self.introspection = Introspection(self.tasks, self.runners, self.transport, stepper)
         control = self.instance.endpoint(f"{self.name}.control")
         self.control = ControlServer(self.transport.context, [control], self.transport.loop, self.introspection.answer)
         for planned in self.planned:
@@ -120,7 +122,7 @@ class Process:
         subscriber = self.transport.connect(port, planned.source, endpoint, policy, planned.max_age)
         subscriber.on_restart = lambda source: self.tasks[reader].upstream_restarted(source)
         runner = self.runners[reader]
-        if isinstance(runner.activity, PortDriven) and runner.task.name == reader:
+        if runner.stepped or (isinstance(runner.activity, PortDriven) and runner.task.name == reader):
             runner.bell.attend(subscriber)
 
     def _is_reliable(self, planned: ConnectionPlan) -> bool:

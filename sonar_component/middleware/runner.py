@@ -39,7 +39,7 @@ class Runner:
         self._stop = False
         self._thread = threading.Thread(target=self._run, name=task.name, daemon=True)
         self._was_running = False
-        for name in self._driving_ports():
+        for name in task.inputs if stepped else self._driving_ports():
             task.inputs[name].on_arrival = self._arrived
 
     def start(self) -> None:
@@ -60,9 +60,10 @@ class Runner:
         self.bell.ring()
         return future
 
-    def step(self) -> None:
-        """One cycle of the task and its slaves, in the task's thread: what lock-step asks for."""
-        self._cycle()
+    def step(self, task: Task) -> None:
+        """One cycle of one task, in this thread: what lock-step asks for."""
+        with timed(task):
+            task.cycle()
 
     def _driving_ports(self) -> list[str]:
         if not isinstance(self.activity, PortDriven):

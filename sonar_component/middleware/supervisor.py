@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from sonar_component.middleware.deployment.plan import Plan, RestartPlan
+from sonar_component.middleware.lockstep import Conductor
 from sonar_component.middleware.rundir import Instance, logs
 
 GRACE, TERM_GRACE = 2.0, 1.0  # [s]
@@ -77,6 +78,7 @@ class Supervisor:
         self._down: set[str] = set()  # refused to come up, by their own decision
         self._selector = selectors.DefaultSelector()
         self._signals = 0
+        self._conductor: Conductor | None = None
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._selector.register(self._wake, selectors.EVENT_READ, None)
         folder = logs(plan.name)
@@ -99,8 +101,13 @@ class Supervisor:
             (self.instance.path / "plan.json").write_text(self.plan.to_json())
             for child in self.children:
                 self._start(child)
+            if self.plan.clock.get("lockstep"):
+                self._conductor = Conductor(self.plan, self.tell)
+                self._conductor.start()
             self._watch(seconds)
         finally:
+            if self._conductor is not None:
+                self._conductor.stop()
             self._stop_all()
             for number, handler in before:
                 signal.signal(number, handler)
