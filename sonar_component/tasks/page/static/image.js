@@ -10,6 +10,7 @@ export class Image {
   constructor() {
     this.beams = this.bins = 0;
     this.geometry = "";
+    this.fresh = [];
   }
 
   // Take a message; true if its geometry differs from the one before.
@@ -19,11 +20,12 @@ export class Image {
       this.values = new Float32Array(message.beams * message.bins).fill(NaN);
       this.colours = new Uint32Array(message.beams * message.bins);
       this.stale = true; // colours of all rows must be made anew
+      this.fresh = []; // rows of another shape
     }
     const { beams, bins, restarts, head, time, ceiling, bin_length, bearings } = message;
     Object.assign(this, { beams, bins, restarts, head, time, ceiling, bin_length, bearings, turning });
     this.beam_width = message.beam_width ?? NaN;
-    this.fresh = message.rows;
+    this.fresh.push(message.rows); // several messages may come before the next redraw
     for (let i = 0; i < message.rows.length; i++) {
       this.values.set(message.values.subarray(i * this.bins, (i + 1) * this.bins), message.rows[i] * this.bins);
     }
@@ -76,7 +78,7 @@ export class Image {
       }
     };
     if (all || this.stale) paint(0, values.length);
-    else for (const row of this.fresh) paint(row * bins, (row + 1) * bins);
+    else for (const rows of this.fresh) for (const row of rows) paint(row * bins, (row + 1) * bins);
     this.stale = false;
     this.fresh = [];
   }
