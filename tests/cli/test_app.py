@@ -101,10 +101,11 @@ def test_python_m_is_the_same_command() -> None:
     assert "Did you mean 'ping'?" in done.stderr
 
 
-def test_a_verb_that_only_looks_imports_no_renderer() -> None:
+@pytest.mark.parametrize("arguments", [["list"], ["check", "deploy/demo.yaml"]])
+def test_a_verb_that_only_looks_imports_no_renderer(arguments: list[str]) -> None:
     script = (
         "import sys\nfrom sonar_component.cli.app import main\n"
-        "try:\n    main(['list'])\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
+        f"try:\n    main({arguments})\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
         f"print([name for name in {HEAVY!r} if name in sys.modules])\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
