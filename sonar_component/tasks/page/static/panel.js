@@ -1,8 +1,9 @@
 // One sonar: its picture, rings and ticks, cursor, and the controls of how it is shown.
 
-import { Image, fanTable, polarTable } from "./image.js";
+import { Image, fanTable, polarTable, sectorBox } from "./image.js";
 
 const MAX_PIXELS = 1200; // [-] of the longer side: more is not in the image, and costs time on large screens
+const BESIDES = 210; // [CSS pixels] of height that the header, the controls and the readings take
 const DEGREE = Math.PI / 180;
 const GRID = "rgba(255,255,255,0.35)", FAINT = "rgba(255,255,255,0.14)", LABEL = "rgba(255,255,255,0.8)";
 
@@ -41,7 +42,8 @@ export class Panel {
       ["view", "map", "law", "gain", "dynamic", "auto", "pause", "step", "png", "raw"].map((n) => [n, find("." + n)]));
     for (const name of Object.keys(colours.maps)) this.controls.map.add(new Option(name, name));
     this.wire();
-    new ResizeObserver(() => this.layOut()).observe(this.stage);
+    new ResizeObserver(() => this.layOut()).observe(this.node);
+    window.addEventListener("resize", () => this.layOut());
   }
 
   wire() {
@@ -102,11 +104,21 @@ export class Panel {
     if (this.table) this.draw();
   }
 
+  // Width that the picture may have [CSS pixels]: all of the panel's, or less, so that its height fits the window.
+  roomFor(polar) {
+    const style = getComputedStyle(this.node);
+    const width = this.node.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
+    if (!this.image.beams || width < 1) return 0;
+    const { edges } = this.image.edges(), [left, right, bottom, top] = sectorBox(edges[0], edges[edges.length - 1], 1);
+    const slope = polar ? 0.7 : Math.min(0.88, (0.92 * (top - bottom)) / (left - right) + 0.08);
+    return Math.floor(Math.min(width, Math.max(200, window.innerHeight - BESIDES) / slope));
+  }
+
   // Choose the picture's size and make its table.
   layOut() {
-    const width = this.stage.clientWidth;
-    if (!width || !this.image.beams) return;
-    const polar = this.controls.view.value === "polar";
+    const polar = this.controls.view.value === "polar", width = this.roomFor(polar);
+    if (!width) return;
+    this.stage.style.width = `${width}px`;
     const scale = Math.min(window.devicePixelRatio || 1, MAX_PIXELS / width);
     const pixels = Math.max(64, Math.round(width * scale));
     this.table = polar ? polarTable(this.image, pixels, Math.round(pixels * 0.7)) : fanTable(this.image, pixels * 0.92, pixels * 0.8);
