@@ -117,3 +117,32 @@ class LawnMower:
         x = self.length + reach if outbound else -reach
         heading = angle if outbound else np.pi - angle
         return np.array([x, y + radius * (1 - np.cos(angle))]), heading
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """A helix around the start's position, looking at it: up to `height`, down again, for ever.
+
+    It begins like ``Circle``, level with the start's position.
+    """
+
+    start: FixedPose
+    radius: float
+    height: float
+    turns: float
+    speed: float
+
+    def at(self, seconds: float) -> RigidBodyState:
+        """Pose and velocity on the helix."""
+        around = 2 * np.pi * self.turns  # [rad], from end to end
+        length = float(np.hypot(around * self.radius, self.height))
+        way = (self.speed * seconds) % (2 * length)
+        upwards = 1.0 if way < length else -1.0
+        share = min(way, 2 * length - way) / length
+        level = Circle(self.start, self.radius, self.radius * around * self.speed / length)
+        state = level.at(share * length / self.speed)
+        rise = np.array([0.0, 0.0, self.height])
+        state.position = state.position + share * rise
+        state.velocity = upwards * (state.velocity + self.speed / length * rise)
+        state.angular_velocity = upwards * state.angular_velocity
+        return state
