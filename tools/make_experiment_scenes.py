@@ -1,6 +1,6 @@
 """Make the scenes of the six classic experiments and the vehicle that carries the sonars.
 
-    python tools/make_experiment_scenes.py    writes configs/scenes/{auv,target,isolation_valve,docking,tank,grid,slope}
+    python tools/make_experiment_scenes.py    writes configs/scenes/{auv,materials,target,isolation_valve,...}
 
 Everything is parametric and seeded: the same script gives the same bytes. X ahead, Y left, Z up, in metres.
 """
@@ -134,6 +134,17 @@ def target() -> None:
     rng = np.random.default_rng(SEED)
     relief = s.rough((256, 512), (10, 4, 1.5), (0.012, 0.006, 0.0015), rng)
     save_relief("target", "corroded", relief, 2 * np.pi * 0.75 / 512)
+
+
+# ---------------------------------------------------------------- reflectance and relief
+
+
+def materials() -> None:
+    """The relief for a ball of the material scene; the balls themselves come from the scene file."""
+    v, u = np.mgrid[0:256, 0:512]
+    knobs = np.cos(2 * np.pi * u / 32) * np.cos(2 * np.pi * v / 32)
+    (ROOT / "materials").mkdir(parents=True, exist_ok=True)
+    save_relief("materials", "knobs", 0.035 * knobs, 2 * np.pi * 0.8 / 512)
 
 
 # ---------------------------------------------------------------- 2 subsea isolation valve
@@ -365,5 +376,5 @@ def slope() -> None:
 
 
 if __name__ == "__main__":
-    for make in (auv, target, isolation_valve, docking, tank, grid, slope):
+    for make in (auv, materials, target, isolation_valve, docking, tank, grid, slope):
         make()

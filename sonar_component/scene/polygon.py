@@ -43,6 +43,8 @@ def triangles(points: Outline) -> NDArray[np.int64]:
     cut = []
     while len(left) > 3:
         ear = next((k for k in range(len(left)) if _is_ear(points, left, k)), None)
+        if ear is None:  # what is left may begin with points in a row
+            ear = next((k for k in range(len(left)) if _is_flat(points, left, k)), None)
         if ear is None:
             raise ValueError("an outline must not cross itself or another one")
         cut.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
@@ -115,14 +117,21 @@ def _crosses(a: Outline, b: Outline, start: Outline, end: Outline) -> bool:
 
 
 def _is_ear(points: Outline, left: list[int], k: int) -> bool:
-    """Tell whether the triangle at corner k lies inside and holds no other corner."""
+    """Tell whether the triangle at corner k lies inside and touches no other corner."""
     corners = (left[k - 1], left[k], left[(k + 1) % len(left)])
     a, b, c = points[list(corners)]
-    if _cross(b - a, c - a) < 0:
+    if _cross(b - a, c - a) <= 0:
         return False
     others = points[[i for i in left if i not in corners]]
-    inside = (_cross(b - a, others - a) > 0) & (_cross(c - b, others - b) > 0) & (_cross(a - c, others - c) > 0)
-    return not bool(np.any(inside))
+    touched = (_cross(b - a, others - a) >= 0) & (_cross(c - b, others - b) >= 0) & (_cross(a - c, others - c) >= 0)
+    # Where a cut joins a hole, corners stand twice; a twin of this triangle's own corner is no obstacle.
+    twins = np.any([np.all(others == corner, axis=1) for corner in (a, b, c)], axis=0)
+    return not bool(np.any(touched & ~twins))
+
+
+def _is_flat(points: Outline, left: list[int], k: int) -> bool:
+    a, b, c = points[[left[k - 1], left[k], left[(k + 1) % len(left)]]]
+    return bool(_cross(b - a, c - a) == 0)
 
 
 def _inside(point: Outline, ring: Outline) -> bool:

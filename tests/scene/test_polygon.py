@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from sonar_component.scene import polygon
+from sonar_component.scene import Mesh, polygon
 
 
 def star(centre: tuple[float, float], radius: float, corners: int, rng: np.random.Generator) -> np.ndarray:
@@ -30,6 +30,25 @@ def test_a_notched_outline_with_holes_has_its_volume_and_is_closed(seed: int) ->
     assert solid.is_watertight
     # The vertices lie on a grid of 1 um, so each metre of outline can lose that much.
     assert solid.volume == pytest.approx(3 * (area(outer) - sum(area(hole) for hole in holes)), rel=1e-5)
+
+
+def test_corners_that_lie_in_a_row_are_no_obstacle() -> None:
+    half = [(0.15, -0.15), (0.15, -0.12), (0.015, -0.12), (0.015, 0.12), (0.15, 0.12), (0.15, 0.15)]
+    beam = np.array(half + [(-x, -y) for x, y in half])  # an I-beam
+    mesh = polygon.extruded([beam], 2.0)
+    solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    solid.merge_vertices()
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(2 * (2 * 0.3 * 0.03 + 0.03 * 0.24))
+
+
+def test_points_along_a_straight_edge_are_no_obstacle() -> None:
+    comb = np.array([(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (2, 1), (1, 1), (0, 1)], float)
+    assert trimesh.Trimesh(*_arrays(polygon.extruded([comb], 1.0))).volume == pytest.approx(3)
+
+
+def _arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    return mesh.vertices, mesh.faces
 
 
 def test_winding_and_repeated_points_make_no_difference() -> None:

@@ -181,7 +181,11 @@ def test_the_example_in_the_readme_is_valid() -> None:
     assert set(scene.bodies) == {"wreck", "buoy", "floor"}
 
 
-SCENES = sorted((Path(__file__).parents[2] / "configs" / "scenes").glob("*/scene.yaml"))
+SCENES = sorted(
+    file
+    for kind in ("scene.yaml", "*.sdf")
+    for file in (Path(__file__).parents[2] / "configs" / "scenes").glob(f"*/{kind}")
+)
 
 
 @pytest.mark.parametrize("file", SCENES, ids=[file.parent.name for file in SCENES])
