@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_component.samples.rigid_body_state import rotation_from_quaternion
+
 Pose = NDArray[np.float64]
 
 
@@ -25,13 +27,8 @@ def from_rpy(position: Sequence[float], rpy: Sequence[float]) -> Pose:
 
 def from_quaternion(position: Sequence[float], wxyz: Sequence[float]) -> Pose:
     """Pose from a position [m] and a quaternion (w, x, y, z), which is made unit first."""
-    w, x, y, z = np.asarray(wxyz, np.float64) / np.linalg.norm(wxyz)
     X = np.eye(4)
-    X[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
+    X[:3, :3] = rotation_from_quaternion(np.asarray(wxyz, np.float64))
     X[:3, 3] = position
     return X
 

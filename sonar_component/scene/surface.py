@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sonar_component.scene import normals as shading
 from sonar_component.scene.mesh import Mesh
 
+FARTHEST = 1e8  # [m], twice around the Earth; broken files have 1e38
 GRID = 1e-6  # [m], far below the wavelength of any sonar (0.5 mm at 3 MHz)
 
 
@@ -80,9 +81,12 @@ def _sound_faces(surface: Surface, warnings: list[str]) -> tuple[NDArray[np.floa
     inside = np.asarray(((faces >= 0) & (faces < len(surface.vertices))).all(axis=1))
     _count(warnings, surface.name, int((~inside).sum()), "face with a vertex that does not exist", "dropped")
     faces = faces[inside]
-    finite = np.asarray(np.isfinite(surface.vertices).all(axis=1))
+    # Also false for NaN.
+    finite = np.asarray((np.abs(surface.vertices) < FARTHEST).all(axis=1))
     sound = np.asarray(finite[faces].all(axis=1))
-    _count(warnings, surface.name, int((~sound).sum()), "face with NaN or infinite vertices", "dropped")
+    _count(
+        warnings, surface.name, int((~sound).sum()), "face with vertices that are NaN or beyond all bounds", "dropped"
+    )
     if not sound.any():
         raise ValueError(f"'{surface.name}' has no faces")
     return np.where(finite[:, None], surface.vertices, 0.0), faces[sound]

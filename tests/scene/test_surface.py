@@ -58,14 +58,15 @@ def test_a_mesh_at_utm_coordinates_becomes_the_same_bits_as_at_the_origin() -> N
     assert np.abs(there.vertices).max() < 2  # so that float32 keeps it to a tenth of a micrometre
 
 
-def test_nan_vertices_lose_their_faces_and_are_reported_by_name_and_number() -> None:
+@pytest.mark.parametrize("nonsense", [np.nan, np.inf, -1e38])
+def test_nonsense_vertices_lose_their_faces_and_are_reported_by_name_and_number(nonsense: float) -> None:
     ball = trimesh.creation.icosphere(subdivisions=1)
     vertices = np.array(ball.vertices)
-    vertices[0] = np.nan
+    vertices[0] = nonsense
     mesh, _, warnings = to_mesh(Surface("stern", vertices, np.array(ball.faces)))
     assert np.isfinite(mesh.vertices).all()
     assert len(mesh.faces) == 80 - 5  # five faces meet at a vertex of the icosahedron
-    assert warnings == ["'stern': 5 x face with NaN or infinite vertices, dropped"]
+    assert warnings == ["'stern': 5 x face with vertices that are NaN or beyond all bounds, dropped"]
 
 
 def test_faces_without_area_and_indices_beyond_the_end_are_dropped() -> None:

@@ -12,5 +12,7 @@ a parser that is here already.
     frames.py    names and poses within one model or world: relative_to, attached_to, nested names
     material.py  <material> -> Material
     geometry.py  <geometry> -> parts
+    known.py     what changes nothing, and what is left unread and told once
+    model_folder.py  model.config -> the SDF file to read
     world.py     worlds, models, includes, links -> World
 """
