@@ -31,6 +31,9 @@ def run(
     from sonar_component.settings.paths import find_file
 
     plan = check_deployment(find_file(deployment), overrides(settings), name)
+    host = chosen_host(plan.hosts, host)
+    if plan.insecure and plan.addresses:
+        _print_event("warning: ports leave this host without keys, as the file says (insecure: true)")
     raise typer.Exit(Supervisor(plan, _print_event, host).run(seconds))
 
 
@@ -59,6 +62,26 @@ def check(
             print(f"{file}: good: {tasks} tasks in {len(processes)} processes, {lines} connections")
     if wrong:
         raise typer.Exit(2)
+
+
+def chosen_host(hosts: dict[str, Any], name: str) -> str:
+    """The host to be run here: the first of the file unless another is named.
+
+    Raises
+    ------
+    SettingsError
+        If there is none of that name, or it needs keys that are not here.
+    """
+    from sonar_component.settings.errors import SettingsError, suggest
+
+    if name and name not in hosts:
+        raise SettingsError(f"--host: no host {name!r}{suggest(name, hosts)}; hosts: {', '.join(hosts) or 'none'}")
+    name = name or next(iter(hosts), "")
+    if any(host["key"] for host in hosts.values()):
+        from sonar_component.middleware.transport.keys import own_keys
+
+        own_keys(name)
+    return name
 
 
 def schema() -> None:

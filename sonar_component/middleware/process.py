@@ -30,7 +30,9 @@ from sonar_component.middleware.rundir import Instance, Lock
 from sonar_component.middleware.runner import Runner
 from sonar_component.middleware.task import Activity, Periodic, PortDriven, Task
 from sonar_component.middleware.transport.control import ControlServer
-from sonar_component.middleware.transport.transport import Transport
+from sonar_component.middleware.transport.keys import Guard, public_key
+from sonar_component.middleware.transport.transport import Join, Transport
+from sonar_component.settings.paths import find_file
 
 BEAT = 0.5  # [s], between signs of life
 
@@ -39,7 +41,8 @@ class Process:
     """The tasks of one process."""
 
     def __init__(self, plan: Plan, name: str, host: str = "") -> None:
-        self.plan, self.name = plan, name
+        self.plan, self.name, self.host = plan, name, host
+        self.guard: Guard | None = None
         self.instance = Instance(plan.name)
         self.planned = plan.processes(host)[name]
         self.locks: list[Lock] = []
@@ -60,6 +63,8 @@ class Process:
         names = [task.name for task in self.planned]
         self.locks = [Lock(self.instance.path / f"{name}.lock", f"task {name!r}") for name in names]
         self.transport = Transport()
+        if self.host and any(host["key"] for host in self.plan.hosts.values()):
+            self.guard = Guard(self.transport.context, self.host)
         for planned in self.planned:
             self._make(planned)
         for planned in self.planned:
@@ -99,10 +104,9 @@ class Process:
 
     def _open_outputs(self, task: Task) -> None:
         for port in task.outputs.values():
-            endpoints = [self.instance.endpoint(port.full_name)]
+            self.transport.bind(port, [self.instance.endpoint(port.full_name)], self.clock.name)
             if port.full_name in self.plan.addresses:
-                endpoints.append(self.plan.addresses[port.full_name])
-            self.transport.bind(port, endpoints, self.clock.name)
+                self.transport.bind_remote(port, self.plan.addresses[port.full_name], self.clock.name, self.guard)
             for connection in self.plan.connections:
                 if connection.source == port.full_name and self._is_reliable(connection):
                     self.transport.bind_reliable(port, self._reliable_endpoint(connection))
@@ -119,11 +123,21 @@ class Process:
             return
         reliable = self._is_reliable(planned)
         endpoint = self._reliable_endpoint(planned) if reliable else self.instance.endpoint(planned.source)
-        subscriber = self.transport.connect(port, planned.source, endpoint, policy, planned.max_age)
+        host, join = self.plan.task(writer).host, None
+        if host != self.host:
+            endpoint = self.plan.addresses[planned.source]
+            join = self._join_host(self.plan.hosts[host])
+        subscriber = self.transport.connect(port, planned.source, endpoint, policy, planned.max_age, join)
         subscriber.on_restart = lambda source: self.tasks[reader].upstream_restarted(source)
         runner = self.runners[reader]
         if runner.stepped or (isinstance(runner.activity, PortDriven) and runner.task.name == reader):
             runner.bell.attend(subscriber)
+
+    def _join_host(self, host: dict[str, Any]) -> Join | None:
+        if self.guard is None or not host["key"]:
+            return None
+        guard, key = self.guard, public_key(find_file(host["key"], self.plan.file))
+        return lambda socket: guard.join(socket, key)
 
     def _is_reliable(self, planned: ConnectionPlan) -> bool:
         reader, writer = planned.target.partition(".")[0], planned.source.partition(".")[0]
@@ -179,6 +193,8 @@ class Process:
             return False
         ended = [runner.stop(max(0.1, deadline - time.monotonic())) for runner in set(self.runners.values())]
         self.control.close()
+        if self.guard is not None:
+            self.guard.close()
         self.transport.close()
         for task in self.tasks:
             for path in self.instance.path.glob(f"{task}.*"):

@@ -92,3 +92,17 @@ class RaisingTask(Task):
     def update_hook(self) -> None:
         if self.counters.cycles >= 3:
             raise ZeroDivisionError("third cycle")
+
+
+class NoisySonarTask(Task):
+    """A frame of noise for each pose, drawn for the pose's time: who listens changes nothing."""
+
+    activity = PortDriven(("sonar_pose_cmd",))
+    sonar_pose_cmd: InputPort[RigidBodyState] = InputPort(RigidBodyState, required=True)
+    sonar_samples: OutputPort[Sonar] = OutputPort(Sonar, queue=1000)
+
+    def update_hook(self) -> None:
+        while (pose := self.sonar_pose_cmd.read_new()) is not None:
+            sonar = frame(pose.time, 16, 20, 0.0)
+            sonar.bins = np.random.default_rng(pose.time).random((16, 20), np.float32)
+            self.sonar_samples.write(sonar)

@@ -74,10 +74,49 @@ class _Checker:
         self._slaves(tasks)
         if self.errors:
             raise SettingsErrors(sorted(self.errors, key=lambda error: (error.line or 0, error.column or 0)))
+        if self.file.clock.mode == "sim" and len({task.host for task in tasks}) > 1:
+            self.wrong(("clock", "mode"), "sim needs all tasks on one host: no clock is shared between hosts")
+        addresses = self._addresses(tasks, connections)
+        if self.errors:
+            raise SettingsErrors(self.errors)
+        hosts = {key: host.model_dump() for key, host in self.file.hosts.items()}
         restart = {task.process: self._restart(task) for task in tasks}
         clock = self.file.clock.model_dump()
         file = str(Path(self.document.file).resolve())
-        return Plan(name, file, tasks, connections, clock, restart)
+        return Plan(name, file, tasks, connections, clock, restart, addresses, hosts, self.file.insecure)
+
+    def _addresses(self, tasks: list[TaskPlan], connections: list[ConnectionPlan]) -> dict[str, str]:
+        """TCP addresses of the ports that are read from another host, counted from the host's first port."""
+        host_of = {task.name: task.host for task in tasks}
+        found: dict[str, str] = {}
+        used: dict[str, int] = {}
+        for index, connection in enumerate(connections):
+            writer, reader = (host_of[end.partition(".")[0]] for end in (connection.source, connection.target))
+            if writer == reader or connection.source in found:
+                continue
+            if connection.policy == "reliable":
+                self.wrong(("connections", index), "a reliable connection must stay on one host")
+            self._guarded(writer)
+            host = self.file.hosts[writer]
+            found[connection.source] = f"tcp://{host.address}:{host.port + used.get(writer, 0)}"
+            used[writer] = used.get(writer, 0) + 1
+        return found
+
+    def _guarded(self, name: str) -> None:
+        """An address that others can reach needs a key, or a word that none is wanted."""
+        host = self.file.hosts[name]
+        loopback = host.address in ("127.0.0.1", "localhost", "::1")
+        if not loopback and host.key is None and not self.file.insecure:
+            message = (
+                f"address {host.address} can be reached by others: give key (sonar keys new {name}), or insecure: true"
+            )
+            self.wrong(("hosts", name), message)
+
+    def _host(self, name: str, given: str | None) -> str:
+        if given is not None and given not in self.file.hosts:
+            known = ", ".join(self.file.hosts) or "none"
+            self.wrong(("tasks", name, "host"), f"no host {given!r}{suggest(given, self.file.hosts)}; hosts: {known}")
+        return given or next(iter(self.file.hosts), "")
 
     def _task(self, name: str, spec: TaskFile) -> TaskPlan | None:
         if not is_name(name):
@@ -97,7 +136,8 @@ class _Checker:
         except SettingsError as error:
             self.errors.append(error)
         activity = self._activity(name, spec.activity, cls)
-        return TaskPlan(name, spec.type, spec.process or name, properties, activity, spec.host or "")
+        host = self._host(name, spec.host)
+        return TaskPlan(name, spec.type, spec.process or name, properties, activity, host)
 
     def _activity(self, name: str, given: ActivityFile | None, cls: type[Task]) -> dict[str, Any]:
         if given is None:

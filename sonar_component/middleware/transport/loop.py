@@ -85,6 +85,11 @@ class Loop:
         """The reader has gone to compute; whatever it left unread shows at once."""
         self._epoll.modify(fd, _EVENTS)
 
+    def after(self, delay: float, function: Callable[[], None]) -> None:
+        """Run a function once, in the loop's thread, about `delay` seconds from now."""
+        self._timers.append((time.monotonic() + delay, function))
+        os.eventfd_write(self._bell, 1)
+
     def every(self, period: float, function: Callable[[], None]) -> None:
         """Run a function about every `period` seconds, in the loop's thread."""
 

@@ -42,17 +42,18 @@ class Publisher:
         }  # fmt: skip
         self._lock = threading.Lock()
         self._subscribers = 0
-        self._reliable: list[Publisher] = []
+        self._outlets: list[Publisher] = []
         self.sent_bytes = 0
         self.rejected = Rejections(port.full_name)
 
     def listeners(self) -> int:
         """Readers in other processes now."""
-        return self._subscribers + sum(outlet.listeners() for outlet in self._reliable)
+        return self._subscribers + sum(outlet.listeners() for outlet in self._outlets)
 
-    def add_reliable(self, outlet: Publisher) -> None:
-        """Send through one more socket, whose single reader must not lose anything."""
-        self._reliable.append(outlet)
+    def add(self, outlet: Publisher) -> None:
+        """Send through one more socket: for a reliable reader, or for other hosts."""
+        outlet.rejected = self.rejected
+        self._outlets.append(outlet)
 
     def publish(self, sample: Any, time: int, seq: int) -> bool:
         """Send to whoever is there; nothing is packed for nobody. False if a reliable reader has no room."""
@@ -60,7 +61,7 @@ class Publisher:
             return True
         frames = [self.topic, *self._pack(sample, time, seq)]
         self._offer(frames)
-        return all([outlet._offer(frames) for outlet in self._reliable])
+        return all([outlet._offer(frames) for outlet in self._outlets])
 
     def _offer(self, frames: list[Any]) -> bool:
         with self._lock:

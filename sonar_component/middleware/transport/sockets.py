@@ -11,11 +11,13 @@ from typing import Any
 import zmq
 
 from sonar_component.middleware.codec import MAX_HEADER_BYTES
+from sonar_component.settings.errors import SettingsError
 
 LINGER_MS = 200
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1000, 3000
 RECONNECT_MS, RECONNECT_MAX_MS = 20, 500
 MAX_SUBSCRIPTION_BYTES = 200  # libzmq keeps what a peer subscribes to: about 75 bytes for each byte, until it leaves
+MAX_HANDSHAKE_BYTES = 1024  # the limit holds for CURVE's own frames too, of which INITIATE has 257 bytes and more
 MAX_REQUEST_BYTES = 1 << 20
 HANDSHAKE_MS = 5000
 
@@ -35,9 +37,23 @@ def open_socket(context: zmq.Context[Any], kind: int, max_bytes: int) -> Socket:
     return socket
 
 
-def publisher_socket(context: zmq.Context[Any], queue: int) -> Socket:
+def bind(socket: Socket, endpoint: str) -> None:
+    """Bind.
+
+    Raises
+    ------
+    SettingsError
+        If the address is taken or is not this host's.
+    """
+    try:
+        socket.bind(endpoint)
+    except zmq.ZMQError as error:
+        raise SettingsError(f"cannot listen there: {error.strerror.lower()}", endpoint) from None
+
+
+def publisher_socket(context: zmq.Context[Any], queue: int, max_bytes: int = MAX_SUBSCRIPTION_BYTES) -> Socket:
     """XPUB that reports every subscriber that comes or goes, also one that is killed."""
-    socket = open_socket(context, zmq.XPUB, MAX_SUBSCRIPTION_BYTES)
+    socket = open_socket(context, zmq.XPUB, max_bytes)
     socket.setsockopt(zmq.XPUB_VERBOSER, 1)
     socket.setsockopt(zmq.SNDHWM, queue)
     return socket

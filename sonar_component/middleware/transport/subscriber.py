@@ -38,6 +38,7 @@ class Subscriber:
         self._topic = connection.source.encode() + b"\0"
         self._own = b"@" + os.urandom(8).hex().encode()
         self._run, self._seq = "", 0
+        self._trying = False
         self._cut = False
         self.bytes = 0
         self.on_restart: Callable[[str], None] = lambda source: None
@@ -63,14 +64,16 @@ class Subscriber:
         with self._lock:
             if self._socket.closed:
                 return
+            self._trying = False
             if self._run or self._cut:
                 with suppress(zmq.ZMQError):  # it has forgotten the address
                     self._socket.disconnect(endpoint)
             self._socket.connect(endpoint)
 
-    def disconnected(self) -> None:
-        """Remember that the connection broke: what comes next tells why."""
-        self._cut = True
+    def disconnected(self) -> bool:
+        """Remember that the connection broke: what comes next tells why. True if it was whole before."""
+        first, self._cut, self._trying = not self._trying, True, True
+        return first
 
     def close(self) -> None:
         """Close the socket."""
