@@ -117,7 +117,8 @@ class Camera:
         if not self._geometry.empty:
             self._geometry.place(X_WC)
             # All tiles: a picture now and then does not pay for culling.
-            commands, count = self._geometry.select(np.ones((1, len(self._geometry.tile_radius)), np.bool_))
+            everything = np.ones((1, len(self._geometry.tile_radius)), np.bool_)
+            commands, count = self._geometry.select(everything, np.eye(4)[None], np.zeros((1, 2), np.float32))
             self._context.enable_only(moderngl.DEPTH_TEST)
             set_uniforms(self._scene, X_DC=self._projection())
             self._bound().render_indirect(commands, count=count)
@@ -136,10 +137,13 @@ class Camera:
         """The world's buffers and the program, bound again whenever the buffers are others."""
         if self._array is None or self._generation != self._geometry.generation:
             textured = self._geometry.has_normal_maps
-            rest = INSTANCE.itemsize - 13 * 4  # bytes of an instance that only sonars read
+            fields = INSTANCE.fields
+            assert fields is not None
+            skipped = fields["reflectance"][1] - 12 * 4  # bytes of an instance that only sonars read
+            rest = INSTANCE.itemsize - fields["reflectance"][1] - 4
             content = [
                 (self._geometry.vertices, "3f 3f 8x" if textured else "3f 3f", "in_position", "in_normal"),
-                (self._geometry.instances, f"4f 4f 4f 1f {rest}x/i", *_OF_INSTANCE),
+                (self._geometry.instances, f"4f 4f 4f {skipped}x 1f {rest}x/i", *_OF_INSTANCE),
             ]
             self._array = self._context.vertex_array(
                 self._scene, content, index_buffer=self._geometry.indices, index_element_size=4

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sonar_component.gl import Target, load_program, set_uniforms
 from sonar_component.render import tiles
 from sonar_component.render.geometry import Geometry
-from sonar_component.render.layout import MOST_VIEWS, Layout, View
+from sonar_component.render.layout import Layout, View
 
 Array = NDArray[np.float64]
 
@@ -58,8 +58,9 @@ class FootprintRenderer:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._programs: dict[tuple[tuple[str, object], ...], _Program] = {}
+        self._programs: dict[tuple[str, ...], _Program] = {}
         self._target: Target | None = None
+        self._projected: tuple[Layout, Optics, Array, NDArray[np.float32]] | None = None
         self.geometry = Geometry(context)
 
     def draw(self, X_WS: Array, layout: Layout, optics: Optics) -> Target:
@@ -77,7 +78,8 @@ class FootprintRenderer:
             view.y_step * view.rows / 2,
             _DRAWN_BEYOND * optics.range_max,
         )
-        commands, count = self.geometry.select(seen)
+        X_DS, bands = self._projection(layout, optics)
+        commands, count = self.geometry.select(seen, X_DS, bands)
         array = self._prepare_program(layout, optics)
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.enable_direct(_CLIP_DISTANCE_0)
@@ -120,8 +122,8 @@ class FootprintRenderer:
         return self._target
 
     def _prepare_program(self, layout: Layout, optics: Optics) -> moderngl.VertexArray:
-        defines = {**self.features(optics), "VIEWS": MOST_VIEWS}
-        key = tuple(defines.items())
+        defines = self.features(optics)
+        key = tuple(defines)
         if key not in self._programs:
             sources = {"vertex_shader": "footprint.vert", "fragment_shader": "footprint.frag"}
             self._programs[key] = _Program(load_program(self._context, _SHADERS, defines, **sources))
@@ -130,22 +132,23 @@ class FootprintRenderer:
             program.array, program.generation = self._bind(program.program, optics), self.geometry.generation
         if program.layout is not layout or program.optics != optics:
             program.layout, program.optics = layout, optics
-            far = _DRAWN_BEYOND * optics.range_max
-            matrices = [projection(view, layout.columns, near_plane(optics), far) for view in layout.views]
-            bands = np.array([(view.first_column, view.columns) for view in layout.views], np.float32)
-            set_uniforms(
-                program.program,
-                X_DS=b"".join(matrices).ljust(64 * MOST_VIEWS, b"\0"),
-                band=bands.tobytes().ljust(8 * MOST_VIEWS, b"\0"),
-                shear=layout.views[0].shear,
-            )
-            set_uniforms(program.program, column_count=float(layout.columns), range_max=optics.range_max)
+            set_uniforms(program.program, shear=layout.views[0].shear, column_count=float(layout.columns))
+            set_uniforms(program.program, range_max=optics.range_max)
             self._set_optics(program.program, optics)
         # Reflectances may have changed with the world.
         set_uniforms(program.program, strength_max=strength_max(optics, self.geometry.reflectance_max))
         if self.geometry.normal_maps is not None:
             self.geometry.normal_maps.use(0)
         return program.array
+
+    def _projection(self, layout: Layout, optics: Optics) -> tuple[Array, NDArray[np.float32]]:
+        """Matrices (views, 4, 4) and bands (views, 2) of the layout, kept as long as it is drawn alike."""
+        if self._projected is None or self._projected[0] is not layout or self._projected[1] != optics:
+            near, far = near_plane(optics), _DRAWN_BEYOND * optics.range_max
+            X_DS = np.array([projection(view, layout.columns, near, far) for view in layout.views])
+            bands = np.array([(view.first_column, view.columns) for view in layout.views], np.float32)
+            self._projected = (layout, optics, X_DS, bands)
+        return self._projected[2], self._projected[3]
 
     def _set_optics(self, program: moderngl.Program, optics: Optics) -> None:
         if optics.sigmoid is not None:
@@ -159,10 +162,11 @@ class FootprintRenderer:
         layout, names = "3f 3f", ["in_position", "in_normal"]
         if self.geometry.has_normal_maps:
             layout, names = layout + " 2f", [*names, "in_uv"]
-        instanced = ["4f", "4f", "4f", "1f", "1u" if optics.truth else "4x"]
-        instanced += ["1u" if self.geometry.has_normal_maps else "4x", "1u"]
-        of_instance = ["in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance"]
-        of_instance += ["in_id"] * optics.truth + ["in_texture_layer"] * self.geometry.has_normal_maps + ["in_view"]
+        instanced = ["4f"] * 7 + ["2f", "1f", "1u" if optics.truth else "4x"]
+        instanced.append("1u" if self.geometry.has_normal_maps else "4x")
+        of_instance = [f"in_X_SM_{row}" for row in range(3)] + [f"in_X_DM_{row}" for row in range(4)]
+        of_instance += ["in_band", "in_reflectance"]
+        of_instance += ["in_id"] * optics.truth + ["in_texture_layer"] * self.geometry.has_normal_maps
         content = [
             (self.geometry.vertices, layout, *names),
             (self.geometry.instances, " ".join(instanced) + "/i", *of_instance),
@@ -195,8 +199,8 @@ def near_plane(optics: Optics) -> float:
     return 0.25 * optics.bin_length
 
 
-def projection(view: View, column_count: int, near: float, far: float) -> bytes:
-    """Sonar frame to clip space of one view, as 16 float32 in OpenGL's column order.
+def projection(view: View, column_count: int, near: float, far: float) -> Array:
+    """Sonar frame to clip space of one view, (4, 4) float64.
 
     This is the one place where X forward, Y left, Z up turns into OpenGL's axes: x along elevation, y from left to
     right over all views of the target.
@@ -207,7 +211,7 @@ def projection(view: View, column_count: int, near: float, far: float) -> bytes:
     column = (np.array([s, -c, 0.0, 0.0]) - view.x_left * depth) / view.x_step
     from_middle = column - view.columns / 2 * depth
     row = np.array([0.0, 0.0, 1.0 / view.y_step, 0.0]) + view.shear * from_middle + view.rows / 2 * depth
-    X_DS = np.array(
+    return np.array(
         [
             2 / view.rows * row - depth,
             2 / column_count * (column + view.first_column * depth) - depth,
@@ -215,4 +219,3 @@ def projection(view: View, column_count: int, near: float, far: float) -> bytes:
             depth,
         ]
     )
-    return X_DS.T.astype(np.float32).tobytes()

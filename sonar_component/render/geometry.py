@@ -29,6 +29,7 @@ class Geometry:
         self._world: World | None = None
         self._version = -1
         self._packed = pack(World())
+        self._X_SM = np.zeros((0, 4, 4))
         self.generation = 0
         self.vertices: moderngl.Buffer | None = None
         self.indices: moderngl.Buffer | None = None
@@ -81,16 +82,30 @@ class Geometry:
         assert self._world is not None
         p = self._packed
         X_WB = np.array([body.X_WB for body in self._world.bodies.values()]).reshape(-1, 4, 4)
-        # Into the world first: a mesh made at UTM coordinates carries its large offset in X_BM, which must cancel.
-        X_SM = _relative(X_WS, X_WB[p.part_body] @ p.X_BM)[p.tile_part, :3]
-        p.instances["X_SM"] = X_SM
-        return np.asarray((X_SM[:, :, :3] @ p.tile_centre[:, :, None])[:, :, 0] + X_SM[:, :, 3])
+        self._X_SM = (_relative(X_WS, X_WB)[p.part_body] @ p.X_BM)[p.tile_part]
+        R, t = self._X_SM[:, :3, :3], self._X_SM[:, :3, 3]
+        return np.asarray((R @ p.tile_centre[:, :, None])[:, :, 0] + t)
 
-    def select(self, seen: NDArray[np.bool_]) -> tuple[moderngl.Buffer, int]:
-        """Send the draws of the tiles that each view sees, (views, tiles) bool; returns commands and their number."""
+    def select(self, seen: NDArray[np.bool_], X_DS: Array, bands: NDArray[np.float32]) -> tuple[moderngl.Buffer, int]:
+        """Send the draws of the tiles that each view sees.
+
+        Parameters
+        ----------
+        seen : (views, tiles) bool
+        X_DS : (views, 4, 4) float64
+            Sonar frame to clip space of each view.
+        bands : (views, 2) float32
+            First column and number of columns of each view.
+
+        Returns
+        -------
+        Buffer of indirect commands, and their number.
+        """
         views, chosen = np.nonzero(seen)
+        X_SM = self._X_SM[chosen]
         instances = self._packed.instances[chosen]
-        instances["view"] = views
+        instances["X_SM"], instances["X_DM"] = X_SM[:, :3], X_DS[views] @ X_SM
+        instances["band"] = bands[views]
         commands = self._packed.commands[chosen]
         commands["base_instance"] = np.arange(len(chosen))
         if self._commands is None or self._commands.size < commands.nbytes:

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MAX_VIEW = np.radians(45.0)  # [rad]; wider views spend more cells above the aperture and at their sides
-MOST_VIEWS = 48  # [-]; their matrices fit the uniforms that every OpenGL 4.3 has
-_MOST_SHEARED = 0.3  # [-], rows added to a view by its shear, relative to those over the aperture
+MOST_VIEWS = 48  # [-]
+_MOST_SHEARED = 0.6  # [-], rows added by the shear, relative to those over the aperture; best of 0.15 to 2
 _LEAST_COLUMNS = 16  # [-], per view: below that the shear's rows are fewer than what another view costs
 
 

@@ -18,10 +18,11 @@ Array = NDArray[np.float64]
 INSTANCE = np.dtype(
     [
         ("X_SM", np.float32, (3, 4)),  # pose of the part in the sonar's frame [m]
+        ("X_DM", np.float32, (4, 4)),  # the part's frame to the clip space of one view
+        ("band", np.float32, (2,)),  # first column and number of columns of that view
         ("reflectance", np.float32),
         ("id", np.uint32),  # of its body, from 1
         ("texture_layer", np.uint32),  # of its normal map, from 1; 0 is none
-        ("view", np.uint32),
     ]
 )
 COMMAND = np.dtype(

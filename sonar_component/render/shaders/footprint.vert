@@ -4,17 +4,19 @@
 // in: position [m] and unit normal in the part's own frame M; pose and material of the part, one per tile drawn:
 //     instanced attributes, since fetching them from a storage buffer took twice as long on llvmpipe.
 // out: p_S, n_S [m, -]. Owner: render/footprints.py.
-uniform mat4 X_DS[VIEWS];     // sonar frame to clip space of each view
-uniform vec2 band[VIEWS];     // its first column and its number of columns
-uniform float column_count;   // of the whole target
+uniform float column_count;  // of the whole target
 
 in vec3 in_position;
 in vec3 in_normal;
 in vec4 in_X_SM_0;    // rows of the pose of M in S, rotation and translation [m]
 in vec4 in_X_SM_1;
 in vec4 in_X_SM_2;
+in vec4 in_X_DM_0;    // rows of M to the clip space of one view: multiplied beforehand, since a matrix picked from a
+in vec4 in_X_DM_1;    // uniform array by index cost half of the vertex time on llvmpipe
+in vec4 in_X_DM_2;
+in vec4 in_X_DM_3;
+in vec2 in_band;      // first column of the view, number of its columns
 in float in_reflectance;  // [-]
-in uint in_view;
 #ifdef TRUTH
 in uint in_id;  // position of its body in the world, from 1
 #endif
@@ -45,8 +47,8 @@ void main() {
     uv = in_uv;
     texture_layer = in_texture_layer;
 #endif
-    gl_Position = X_DS[in_view] * vec4(p_S, 1.0);
-    float column = (gl_Position.y + gl_Position.w) * 0.5 * column_count - band[in_view].x * gl_Position.w;
+    gl_Position = vec4(dot(in_X_DM_0, p_M), dot(in_X_DM_1, p_M), dot(in_X_DM_2, p_M), dot(in_X_DM_3, p_M));
+    float column = (gl_Position.y + gl_Position.w) * 0.5 * column_count - in_band.x * gl_Position.w;
     gl_ClipDistance[0] = column;
-    gl_ClipDistance[1] = band[in_view].y * gl_Position.w - column;
+    gl_ClipDistance[1] = in_band.y * gl_Position.w - column;
 }
