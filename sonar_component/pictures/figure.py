@@ -155,7 +155,7 @@ def _draw_fan(axes: Any, sonar: Sonar, tone: Tone, colour_map: str, interpolatio
         axes.plot([0, reach * y], [0, reach * x], **{**_GRID, "alpha": 0.15})
         label = f"{wrap(tick):+.0f}°" if tick % 180 else f"{abs(wrap(tick)):.0f}°"
         axes.text(1.03 * reach * y, 1.03 * reach * x, label, ha="center", va="center", fontsize=8)
-    margin = 0.07 * reach
+    margin = (0.07 if left < 0.99 * reach else 0.12) * reach  # the labels of +90 and -90 deg stand outside the picture
     axes.set_xlim(left + margin, right - margin)
     axes.set_ylim(bottom - margin / 2, top + margin)
     axes.set_aspect("equal")

@@ -21,11 +21,11 @@ from sonar_component.samples import Frame, Sonar
 from sonar_component.samples.scene_description import BodyPoses, SceneDescription
 from sonar_component.scene.world import World
 from sonar_component.settings.quantity import Duration
+from sonar_component.tasks.page import LOOPBACK
 from sonar_component.tasks.page.board import Board
 
 PORT_IN_USE = "PORT_IN_USE"
 
-_LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _RETRY = 1.0  # [s], between two tries to get a port that somebody else has
 
 
@@ -41,8 +41,8 @@ class ViewerProperties(NoProperties):
 
     @model_validator(mode="after")
     def _remote_is_meant(self) -> ViewerProperties:
-        if self.address not in _LOOPBACK and not self.allow_remote:
-            allowed = ", ".join(_LOOPBACK)
+        if self.address not in LOOPBACK and not self.allow_remote:
+            allowed = ", ".join(LOOPBACK)
             message = f"address must be {allowed}, or allow_remote must be true as well, got {self.address!r}"
             raise ValueError(message)
         return self

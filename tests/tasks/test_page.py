@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import shutil
@@ -11,12 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from sonar_component.middleware import OutputPort, Policy
 from sonar_component.middleware.ports import connect_in_process
 from sonar_component.pictures.colours import NO_DATA, colour_table
 from sonar_component.pictures.fan import fan_map
 from sonar_component.samples import Sonar
+from sonar_component.scene import Body, Material, Part, World, shapes
 from sonar_component.tasks.viewer import ViewerTask
 
 PATIENCE = 30.0  # [s], for a browser on a busy machine of two cores
@@ -40,6 +43,7 @@ def driver(tmp_path_factory):
         "--headless=new",
         "--no-sandbox",  # Chromium refuses to start as root otherwise
         "--disable-gpu",
+        "--enable-unsafe-swiftshader",  # WebGL for the 3-D world on the CPU
         "--disable-quic",
         "--no-first-run",
         "--disable-background-networking",  # it asks the internet for updates at every start otherwise
@@ -138,6 +142,10 @@ class Browser:
             (top - x) / (top - bottom),
         )
 
+    def picture(self):
+        """What is on the screen, (rows, columns, 3) uint8."""
+        return np.asarray(Image.open(io.BytesIO(self.driver.get_screenshot_as_png())).convert("RGB"))
+
     def shoot(self, name):
         self.driver.save_screenshot(str(self.folder / f"{name}.png"))
 
@@ -210,6 +218,12 @@ def beam(bearing_deg, value):
     bins = np.full((1, 100), value, np.float32)
     sonar = fan(bins=bins, bearings_deg=np.array([float(bearing_deg)]))
     sonar.beam_width = math.radians(3.0)
+    return sonar
+
+
+def placed(sonar, position):
+    """The same image with the pose of its sensor: level, looking along the world's X axis."""
+    sonar.sensor_position, sonar.sensor_orientation = position, np.array([1.0, 0.0, 0.0, 0.0])
     return sonar
 
 
@@ -405,6 +419,60 @@ def test_ten_tabs_are_served(bench, browser):
         browser.wait_for_image(newer)
         browser.driver.close()
     browser.driver.switch_to.window(first)
+
+
+def test_the_world_shows_sector_trail_scene_and_the_last_image_where_it_belongs(bench, browser):
+    """Seen from straight above the sonar, which looks up in the picture: left in the world is left on the screen."""
+    pytest.importorskip("viser", reason='needs viser: pip install "sonar-component[viewer]"')
+    floor = shapes.plane((60.0, 60.0))
+    world = bench.task._server.world
+    far = np.array([5e5, 4.65e6, -3.0])  # UTM coordinates: float32 would round them to half a metre
+    floor_at = np.eye(4)
+    floor_at[:3, 3] = far - np.array([0, 0, 4.0])
+    world.show(World([Body("floor", [Part(floor, Material("sand"), np.eye(4))], floor_at)]))
+    browser.driver.get(f"http://127.0.0.1:{bench.port}/world/")
+    bench.show(placed(fan(), far - np.array([0.5, 0.0, 0.0])))
+    client = _wait(lambda: next(iter(world._viser.get_clients().values()), None))
+    _wait(lambda: world._stage)
+    time.sleep(0.5)  # the world looks at the sonars five times a second
+    bench.show(placed(fan(), far))
+    _wait(lambda: any(name.startswith("/trail") for name in world._stage._nodes))
+    client.camera.position, client.camera.look_at, client.camera.up_direction = (
+        (15.0, 0.0, 45.0),
+        (15.01, 0.0, 0.0),
+        (1, 0, 0),
+    )
+    _wait(lambda: _count(browser, _is_sector) > 200)
+    plain = browser.picture()
+    world._switches["fan"].value = True
+    _wait(lambda: (_changed(plain, browser.picture())).sum() > 20_000)
+    browser.shoot("world")
+    laid = browser.picture()
+    bright = _changed(plain, laid) & (laid.max(axis=2) > 200)  # the target of strength 0.9 among echoes under 0.01
+    assert np.nonzero(bright)[1].mean() < laid.shape[1] / 2
+    assert sum(name.startswith("/scene/floor") for name in world._stage._nodes) == 1
+
+
+def _wait(what):
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        if result := what():
+            return result
+        time.sleep(0.2)
+    raise AssertionError("waited in vain")
+
+
+def _count(browser, which):
+    return which(browser.picture()).sum()
+
+
+def _is_sector(picture):
+    red, green, blue = (picture[:, :, c].astype(int) for c in range(3))
+    return (red > 150) & (green > 100) & (blue < 0.7 * green)  # yellow lines; sand and steel are duller
+
+
+def _changed(before, after):
+    return np.abs(before.astype(int) - after.astype(int)).max(axis=2) > 10
 
 
 DEPLOYMENT = """

@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from sonar_component.samples import Frame, Sonar
 
 _RATE_WINDOW = 5.0  # [s], over which the frame rate is taken
 _RATE_SAMPLES = 1000  # [-], bounds the memory of the rate at 200 beams a second over the window
+_NOTICE_STAYS = 10.0  # [s]
 _CEILING_PERIOD = 0.5  # [s], between two looks at the brightest echoes: a percentile of 128 000 values takes 2 ms
 _CEILING_STEP = 0.3  # [-], share of the way that the automatic brightness goes at once, so that it does not flicker
 
@@ -93,6 +95,17 @@ class Channel:
         if now - self._looked > _CEILING_PERIOD:
             self._looked = now
             self._follow(fit_tone(self.sweep.bins if self.sweep else sonar.bins).ceiling)
+
+    def facts(self, now: float) -> dict[str, Any]:
+        """Rate [Hz], seconds since the last image, what was not shown, and what is odd, for the page."""
+        return {
+            "rate": round(self.rate(now), 2),
+            "since": round(now - self.arrivals[-1], 2) if self.arrivals else None,
+            "dropped": self.dropped,
+            "lost": self.lost,
+            "invalid": self.invalid,
+            "notice": self.notice if now - self.noticed < _NOTICE_STAYS else "",
+        }
 
     def say(self, text: str, now: float) -> None:
         """Note something odd for the page."""

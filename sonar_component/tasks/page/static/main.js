@@ -25,7 +25,7 @@ fetch("colours.json").then((answer) => answer.json()).then((table) => {
 function hear(message) {
   if (!colours) { early.push(message); return; }
   if (message.kind === "image") panelOf(message.source).take(message);
-  else if (message.kind === "age") panelOf(message.source).age = message.age;
+  else if (message.kind === "age") panelOf(message.source).hearAge(message.age);
   else if (message.kind === "status") tell(message);
   else if (message.kind === "set") tasks.answer(message);
   else if (message.kind === "notice") notice(message.text);

@@ -267,6 +267,12 @@ export class Panel {
     return { beam, bin, range: Math.hypot(ahead, left), bearing: Math.atan2(left, ahead) };
   }
 
+  // How old the last image was when the viewer heard that it had been drawn [s]: the viewer's clock at both ends.
+  hearAge(age) {
+    this.age = age;
+    if (age !== null) this.node.dataset.age = age;
+  }
+
   // Rate, age, drops and oddities, as the viewer counts them.
   tell(status) {
     const { image } = this, facts = [`${status.rate.toFixed(1)} ${image.turning ? "beams/s" : "Hz"}`];
