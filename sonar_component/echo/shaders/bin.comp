@@ -26,7 +26,7 @@ uniform int rows;
 uniform float bins_per_metre;
 uniform float range_max;     // [m]
 
-const float LEAST = 1e-3;    // [bins], least span of a sample in range
+const float LEAST = 1e-3;    // [bins], least span of a sample in range, beyond it: an edge belongs to the farther bin
 
 void main() {
     uint row = gl_GlobalInvocationID.x;
@@ -36,8 +36,9 @@ void main() {
     float range = uintBitsToFloat(texel.x);
     if (!(range > 0.0)) return;
     float root = float((texel.y >> 16) & 0x7FFFu) / 32767.0;
-    float extent = max(root * root * range_max * bins_per_metre, LEAST);
+    float extent = root * root * range_max * bins_per_metre;
     float low = range * bins_per_metre - 0.5 * extent;
+    extent = max(extent, LEAST);
     float high = low + extent;
     float below = row == entry.first_row ? entry.first_clip : 0.0;
     float above = row == entry.last_row ? entry.last_clip : 0.0;
