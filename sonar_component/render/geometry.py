@@ -82,7 +82,7 @@ class Geometry:
         assert self._world is not None
         p = self._packed
         X_WB = np.array([body.X_WB for body in self._world.bodies.values()]).reshape(-1, 4, 4)
-        self._X_SM = (_relative(X_WS, X_WB)[p.part_body] @ p.X_BM)[p.tile_part]
+        self._X_SM = _relative(X_WS, X_WB[p.part_body] @ p.X_BM)[p.tile_part]
         R, t = self._X_SM[:, :3, :3], self._X_SM[:, :3, 3]
         return np.asarray((R @ p.tile_centre[:, :, None])[:, :, 0] + t)
 
