@@ -10,8 +10,14 @@ import typer
 
 if TYPE_CHECKING:
     from sonar_component.samples import RigidBodyState, Sonar
+    from sonar_component.scene.world import World
     from sonar_component.sonars.forward_looking import ForwardLookingSonar
+    from sonar_component.sonars.scanning import ScanningSonar
+    from sonar_component.sonars.scanning_settings import ScanningSettings
     from sonar_component.sonars.settings import ForwardLookingSettings
+
+    Simulator = ForwardLookingSonar | ScanningSonar
+    Settings = ForwardLookingSettings | ScanningSettings
 
 
 def register(app: typer.Typer) -> None:
@@ -28,6 +34,10 @@ def ping(
         None, help="Roll, pitch (positive is nose down) and yaw (positive is left) [deg]."
     ),
     quaternion: tuple[float, float, float, float] | None = typer.Option(None, help="Orientation instead: W X Y Z."),
+    bearing_deg: float | None = typer.Option(
+        None, help="Where the head of a scanning sonar looks, positive is left [deg]; its start otherwise."
+    ),
+    scan: bool = typer.Option(False, "--scan", help="A full scan of a scanning sonar that stands still."),
     noise: Literal["on", "off"] | None = typer.Option(None, help="Speckle; the sonar's own setting otherwise."),
     truth: bool = typer.Option(False, "--truth", help="Add what stands behind each bin to the .npz."),
     explain: bool = typer.Option(False, "--explain", help="Say which samples and features were chosen, and why."),
@@ -40,22 +50,22 @@ def ping(
     from sonar_component.scene import load_world
     from sonar_component.settings.errors import SettingsError
     from sonar_component.settings.paths import find_file
-    from sonar_component.sonars.forward_looking import ForwardLookingSonar
 
     _check_out(out, truth)
     pose = _pose(position, rpy_deg, quaternion)
     chosen = _load_settings(sonar, settings)
+    _check_head(chosen, bearing_deg, scan, truth)
     if noise is not None:
         chosen.enable_speckle_noise = noise == "on"
     try:
         world = load_world(find_file(scene))
     except ValueError as error:
         raise error if isinstance(error, SettingsError) else SettingsError(str(error), str(scene)) from None
-    simulator = ForwardLookingSonar(_context(), chosen)
-    rng = np.random.default_rng(chosen.seed) if chosen.enable_speckle_noise else None
-    sample = simulator.ping(world, pose, rng)
+    simulator = _simulator(chosen, bearing_deg)
+    rng = np.random.default_rng(chosen.seed)
+    sample = _full_scan(simulator, world, pose, rng) if scan else simulator.ping(world, pose, rng)
     _write(out, sample, simulator.truth(world, pose) if truth else None, simulator, world, pose)
-    lines = list(world.warnings) + simulator.remarks(sample)
+    lines = list(world.warnings) + chosen.doubts() + simulator.remarks(sample)
     _report(out, sample, simulator, lines, explain, as_json)
 
 
@@ -70,6 +80,51 @@ def _check_out(out: Path, truth: bool) -> None:
         raise SettingsError(f"--out: {out} is a folder")
     if truth and out.suffix != ".npz":
         raise SettingsError("--truth needs --out FILE.npz: a picture has no place for it")
+
+
+def _check_head(chosen: Settings, bearing_deg: float | None, scan: bool, truth: bool) -> None:
+    from sonar_component.settings.errors import SettingsError
+
+    if chosen.kind != "scanning" and (scan or bearing_deg is not None):
+        option = "--scan" if scan else "--bearing-deg"
+        raise SettingsError(f"{option} is for scanning sonars; the settings are of kind {chosen.kind}")
+    if scan and (truth or bearing_deg is not None):
+        raise SettingsError(f"--scan does not go with {'--truth' if truth else '--bearing-deg'}: give one of them")
+    if bearing_deg is not None and not -360 <= bearing_deg <= 360:
+        raise SettingsError(f"--bearing-deg must be -360 to 360, got {bearing_deg:g}")
+
+
+def _simulator(chosen: Settings, bearing_deg: float | None) -> Simulator:
+    import math
+
+    from sonar_component.sonars.forward_looking import ForwardLookingSonar
+    from sonar_component.sonars.scanning import ScanningSonar
+    from sonar_component.sonars.scanning_settings import ScanningSettings
+
+    if not isinstance(chosen, ScanningSettings):
+        return ForwardLookingSonar(_context(), chosen)
+    simulator = ScanningSonar(_context(), chosen)
+    if bearing_deg is not None:
+        simulator.head.look_at(math.radians(bearing_deg), exactly=True)
+    return simulator
+
+
+def _full_scan(simulator: Simulator, world: World, pose: RigidBodyState, rng: Any) -> Sonar:
+    """One beam from each place, as if the vehicle and time stood still."""
+    from dataclasses import replace
+
+    from sonar_component.sonars.scan import Scan
+    from sonar_component.sonars.scanning import ScanningSonar
+
+    assert isinstance(simulator, ScanningSonar)
+    head = simulator.head
+    scan = Scan(head.bearings(), simulator.settings.motor_step)
+    for number in range(2 * head.places):  # from a start within the sector, the way back is needed too
+        scan.add(head.place, simulator.ping(world, replace(pose, time=number + 1), rng))
+        head.advance()
+        if scan.filled == 1:
+            break
+    return replace(scan.sample(), time=pose.time)
 
 
 def _context() -> Any:
@@ -108,18 +163,23 @@ def _pose(position: tuple[float, ...], rpy_deg: Any, quaternion: Any) -> RigidBo
     return pose
 
 
-def _load_settings(sonar: Path | None, overrides: list[str]) -> ForwardLookingSettings:
+def _load_settings(sonar: Path | None, overrides: list[str]) -> Settings:
     from sonar_component.settings.loader import Document, load_yaml, overlay
     from sonar_component.settings.paths import find_file
     from sonar_component.settings.validation import validate
+    from sonar_component.sonars.scanning_settings import ScanningSettings
     from sonar_component.sonars.settings import ForwardLookingSettings
 
     document = load_yaml(find_file(sonar)) if sonar is not None else Document({}, "sonar")
-    return validate(ForwardLookingSettings, overlay(document, overrides, "--set"))
+    document = overlay(document, overrides, "--set")
+    kind = document.at(("kind",)) or "forward_looking"
+    if kind not in ("forward_looking", "scanning"):
+        raise document.error(("kind",), f"must be forward_looking or scanning, got {kind!r}")
+    return validate(ScanningSettings, document) if kind == "scanning" else validate(ForwardLookingSettings, document)
 
 
 def _write(
-    out: Path, sample: Sonar, truth: Any, simulator: ForwardLookingSonar, world: Any, pose: RigidBodyState
+    out: Path, sample: Sonar, truth: Any, simulator: Simulator, world: Any, pose: RigidBodyState
 ) -> None:
     import numpy as np
 
@@ -140,7 +200,7 @@ def _write(
 
 
 def _report(
-    out: Path, sample: Sonar, simulator: ForwardLookingSonar, lines: list[str], explain: bool, as_json: bool
+    out: Path, sample: Sonar, simulator: Simulator, lines: list[str], explain: bool, as_json: bool
 ) -> None:
     lit = float((sample.bins > 0).mean())
     if as_json:

@@ -34,6 +34,7 @@ class ScanHead:
 
     def __init__(self, settings: ScanningSettings) -> None:
         self._continuous, self._step = settings.continuous, settings.motor_step
+        self._aside: float | None = None
         start = settings.start_bearing
         if self._continuous:
             self._start, self._steps = start or 0.0, 0
@@ -59,6 +60,7 @@ class ScanHead:
 
     def advance(self) -> bool:
         """Go on by one ping; True where a scan ends with the place just left: at a limit, or after a full turn."""
+        self._aside = None
         if self._continuous:
             self._steps += 1
             return self._steps % self.places == 0
@@ -74,8 +76,9 @@ class ScanHead:
             return np.asarray(-math.pi + np.arange(self.places) * self._step)
         return self._left + self._row
 
-    def look_at(self, bearing: float) -> None:
-        """Go to the place nearest to a bearing [rad], when settings change and the head stands where it stands."""
+    def look_at(self, bearing: float, exactly: bool = False) -> None:
+        """Go to the place nearest to a bearing [rad]; `exactly` there, for a ping beside all places."""
+        self._aside = bearing if exactly else None
         if self._continuous:
             self._start, self._steps = bearing, 0
             return
@@ -83,6 +86,8 @@ class ScanHead:
         self._index = int(away.argmin())
 
     def _unwrapped(self) -> float:
+        if self._aside is not None:
+            return self._aside
         if self._continuous:
             return self._start + self._steps * self._step
         return float(self._left + self._row[self._index])

@@ -30,6 +30,7 @@ _DEG = math.pi / 180
 _LIMITS: dict[str, tuple[str, float, float]] = {  # property -> dimension, least, greatest
     "range": ("length", 0.1, 1000.0),
     "min_range": ("length", 0.0, 1000.0),
+    "max_range": ("length", 0.1, 1000.0),
     "gain": ("ratio", 0.0, 1.0),
     "beam_width": ("angle", 0.05 * _DEG, 360 * _DEG),
     "beam_height": ("angle", 0.05 * _DEG, 150 * _DEG),
@@ -62,6 +63,8 @@ class SonarSettings(BaseModel):
     ----------
     range, min_range : float
         End of the last bin, and where echoes begin [m].
+    max_range : float
+        The greatest range that the device can be set to [m].
     gain : float
         0.5 is unity [-].
     bin_count : int
@@ -99,6 +102,7 @@ class SonarSettings(BaseModel):
 
     range: Length = 50.0
     min_range: Length = 0.0
+    max_range: Length = 1000.0
     gain: Ratio = 0.5
     bin_count: Annotated[int, Field(ge=1, le=4096)] = 750
     beam_width: Angle = 120 * _DEG
@@ -140,6 +144,8 @@ class SonarSettings(BaseModel):
 
     @model_validator(mode="after")
     def _min_range_is_below_range(self) -> SonarSettings:
+        if self.range > self.max_range:
+            raise ValueError(f"range must be at most max_range ({self.max_range:g} m), got {self.range:g} m")
         if self.min_range >= self.range:
             raise ValueError(f"min_range must be below range ({self.range:g} m), got {self.min_range:g} m")
         return self
