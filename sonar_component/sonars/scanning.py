@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.echo.truth import Truth
+from sonar_component.gl import Context
 from sonar_component.samples import Frame, RigidBodyState, Sonar
 from sonar_component.samples.motion import exponential, product
 from sonar_component.scene.world import World
@@ -32,7 +32,7 @@ class ScanningSonar:
         Where the next ping looks.
     """
 
-    def __init__(self, context: moderngl.Context, settings: ScanningSettings | None = None) -> None:
+    def __init__(self, context: Context, settings: ScanningSettings | None = None) -> None:
         self._settings = settings or ScanningSettings()
         self._imager = FanImager(context, self._settings, self._settings.beam_table())
         self._receiver = Receiver(self._settings)

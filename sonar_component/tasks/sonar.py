@@ -16,8 +16,7 @@ from sonar_component.settings.errors import SettingsError
 from sonar_component.tasks.mount import Mount, MountProperties, find_mount
 
 if TYPE_CHECKING:
-    import moderngl
-
+    from sonar_component.gl import Context
     from sonar_component.scene.world import World
 
 NO_SCENE = "NO_SCENE"
@@ -72,7 +71,7 @@ class SonarTask(Task):
                 return [("mount", str(error))]
         return []
 
-    def open_context(self) -> moderngl.Context | None:
+    def open_context(self) -> Context | None:
         """A GL context on this task's thread; None after refusing where there is none."""
         from sonar_component.gl import GLUnavailableError, create_context
 
