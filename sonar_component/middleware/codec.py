@@ -15,16 +15,16 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from sonar_component.middleware.schema import DTYPES, Field, Schema, schema_of, wire_dtype
+from sonar_component.middleware.schema import DTYPES, Schema, schema_of, wire_dtype
 
 ENVELOPE = 1
 INLINE_BYTES = 256
 MAX_DIMENSIONS = 8
+MAX_ARRAYS = 256
 MAX_HEADER_BYTES = 4 << 20  # far above any header of ours; the largest holds the names of a scene's bodies
 _REQUIRED: dict[str, type] = {
     "e": int, "type": str, "sv": list, "sh": str, "src": str, "run": str, "seq": int, "t": int, "tp": int, "clk": str,
 }  # fmt: skip
-_CONVERT: dict[str, type] = {"int": int, "float": float, "str": str, "bool": bool}
 
 
 class WireError(ValueError):
@@ -69,26 +69,26 @@ def encode(sample: Any, envelope: dict[str, Any]) -> list[Any]:
     body: dict[str, Any] = {}
     described: list[list[Any]] = []
     buffers: list[Any] = []
-    for field in schema.fields:
-        value = getattr(sample, field.name)
-        if field.kind != "array":
-            body[field.name] = _CONVERT[field.kind](value)
+    values = sample.__dict__
+    for name, kind, dtype in schema.plan:
+        value = values[name]
+        if kind is not None:
+            body[name] = kind(value)
             continue
-        array = _contiguous(value, field)
-        entry: list[Any] = [field.name, field.dtype or wire_dtype(array.dtype), list(array.shape)]
+        array = _contiguous(value, dtype)
         if array.nbytes <= INLINE_BYTES:
-            entry.append(array.tobytes())
+            described.append([name, array.dtype.str, array.shape, array.tobytes()])
         else:
+            described.append([name, array.dtype.str, array.shape])
             buffers.append(array)
-        described.append(entry)
     return [msgpack.packb({**envelope, "body": body, "arr": described}), *buffers]
 
 
-def _contiguous(value: Any, field: Field) -> np.ndarray[Any, Any]:
-    dtype = field.dtype or wire_dtype(np.asarray(value).dtype)
-    if isinstance(value, np.ndarray) and value.flags.c_contiguous and value.dtype == DTYPES[dtype]:
+def _contiguous(value: Any, wanted: np.dtype[Any] | None) -> np.ndarray[Any, Any]:
+    dtype = wanted or DTYPES[wire_dtype(np.asarray(value).dtype)]
+    if type(value) is np.ndarray and value.dtype == dtype and value.flags.c_contiguous:
         return value
-    return np.ascontiguousarray(value, DTYPES[dtype]).reshape(np.shape(value))
+    return np.ascontiguousarray(value, dtype).reshape(np.shape(value))
 
 
 def unpack(frame: Any) -> dict[str, Any]:
@@ -108,7 +108,7 @@ def unpack(frame: Any) -> dict[str, Any]:
     if not isinstance(header, dict):
         raise WireError(f"header is not a map but {type(header).__name__}")
     for key, kind in _REQUIRED.items():
-        if type(header.get(key)) is not kind:
+        if type(header.get(key)) is not kind:  # not isinstance: True is no int on the wire
             raise WireError(f"header field {key!r} must be {kind.__name__}, got {_brief(header.get(key))}")
     if header["e"] != ENVELOPE:
         raise WireError(f"envelope version {_brief(header['e'])}, this reader knows {ENVELOPE}")
@@ -140,12 +140,15 @@ def decode(schema: Schema, header: dict[str, Any], buffers: Sequence[Any]) -> An
     if not isinstance(body, dict):
         raise WireError(f"header field 'body' must be dict, got {_brief(body)}")
     values: dict[str, Any] = {}
-    for field in schema.fields:
-        if field.kind == "array":
-            if field.name in arrays:
-                values[field.name] = _as_declared(field, arrays[field.name])
-        elif field.name in body:
-            values[field.name] = _scalar(field, body[field.name])
+    for name, kind, dtype in schema.plan:
+        if kind is not None:
+            if name in body:
+                value = body[name]
+                values[name] = value if type(value) is kind else _scalar(name, kind, value)
+        elif name in arrays:
+            array = values[name] = arrays[name]
+            if dtype is not None and array.dtype != dtype:
+                raise WireError(f"array {name!r} must be {dtype.str}, got {array.dtype.str}")
     try:
         return schema.cls(**values)
     except TypeError:  # a field without a default is missing
@@ -167,28 +170,19 @@ def decode_untyped(header: dict[str, Any], buffers: Sequence[Any]) -> SimpleName
     return SimpleNamespace(**body, **{name: array for name, array in arrays.items() if name not in body})
 
 
-def _scalar(field: Field, value: Any) -> Any:
-    kind = type(value)
-    if field.kind == "float" and kind in (float, int):
+def _scalar(name: str, kind: type, value: Any) -> Any:
+    if kind is float and type(value) is int:  # other languages write whole numbers so
         return float(value)
-    if kind is not _CONVERT[field.kind]:
-        raise WireError(f"field {field.name!r} must be {field.kind}, got {_brief(value)}")
-    return value
-
-
-def _as_declared(field: Field, array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    if field.dtype and array.dtype != DTYPES[field.dtype]:
-        raise WireError(f"array {field.name!r} must be {field.dtype}, got {array.dtype.str}")
-    return array
+    raise WireError(f"field {name!r} must be {kind.__name__}, got {_brief(value)}")
 
 
 def _arrays(described: Any, buffers: Sequence[Any]) -> dict[str, np.ndarray[Any, Any]]:
-    if not isinstance(described, list) or len(described) > 256:
-        raise WireError("header field 'arr' must be a list of at most 256 arrays")
+    if type(described) is not list or len(described) > MAX_ARRAYS:
+        raise WireError(f"header field 'arr' must be a list of at most {MAX_ARRAYS} arrays")
     waiting = iter(buffers)
     found: dict[str, np.ndarray[Any, Any]] = {}
     for entry in described:
-        if not isinstance(entry, list) or len(entry) not in (3, 4) or type(entry[0]) is not str:
+        if type(entry) is not list or len(entry) not in (3, 4) or type(entry[0]) is not str:
             raise WireError(f"array entry must be [name, dtype, shape] and maybe data, got {_brief(entry)}")
         data = entry[3] if len(entry) == 4 else next(waiting, None)
         if data is None:
@@ -199,21 +193,23 @@ def _arrays(described: Any, buffers: Sequence[Any]) -> dict[str, np.ndarray[Any,
     return found
 
 
-def _array(name: str, dtype: Any, shape: Any, data: Any) -> np.ndarray[Any, Any]:
-    if type(dtype) is not str or dtype not in DTYPES:
-        raise WireError(f"array {name!r}: dtype {_brief(dtype)} is not allowed")
-    sizes_fit = isinstance(shape, list) and len(shape) <= MAX_DIMENSIONS
-    if not sizes_fit or not all(type(size) is int and size >= 0 for size in shape):
+def _array(name: str, kind: Any, shape: Any, data: Any) -> np.ndarray[Any, Any]:
+    dtype = DTYPES.get(kind) if type(kind) is str else None
+    if dtype is None:
+        raise WireError(f"array {name!r}: dtype {_brief(kind)} is not allowed")
+    if type(shape) is not list or len(shape) > MAX_DIMENSIONS:
         raise WireError(f"array {name!r}: shape {_brief(shape)} is not allowed")
-    if not isinstance(data, (bytes, memoryview)):
-        raise WireError(f"array {name!r}: data must be bytes, got {_brief(data)}")
-    count = 1
+    expected = dtype.itemsize
     for size in shape:
-        count *= size
-    expected, got = count * DTYPES[dtype].itemsize, len(data)
-    if expected != got:
-        raise WireError(f"array {name!r}: {dtype} {_brief(shape)} takes {expected} bytes, {got} came")
-    return np.frombuffer(data, DTYPES[dtype]).reshape(shape)
+        if type(size) is not int or size < 0:
+            raise WireError(f"array {name!r}: shape {_brief(shape)} is not allowed")
+        expected *= size
+    if type(data) is not bytes and type(data) is not memoryview:
+        raise WireError(f"array {name!r}: data must be bytes, got {_brief(data)}")
+    if expected != len(data):
+        raise WireError(f"array {name!r}: {kind} {_brief(shape)} takes {expected} bytes, {len(data)} came")
+    array = np.frombuffer(data, dtype)
+    return array if len(shape) == 1 else array.reshape(shape)
 
 
 def _brief(value: Any) -> str:

@@ -276,9 +276,9 @@ class OutputPort(_Port, Generic[T]):
 
 def freeze(sample: Any) -> None:
     """Make the arrays of a dataclass read-only."""
-    for value in vars(sample).values():
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False
+    for value in sample.__dict__.values():
+        if type(value) is np.ndarray:
+            value.setflags(write=False)
 
 
 def invalid_reason(sample: Any) -> str:

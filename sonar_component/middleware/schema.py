@@ -16,7 +16,8 @@ import numpy as np
 # What numpy may rebuild from bytes of a stranger: plain numbers only. Structured, text and object types stay out.
 _NUMBERS = ("|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f2", "<f4", "<f8")
 DTYPES = {kind: np.dtype(kind) for kind in _NUMBERS}
-_SCALARS = {int: "int", float: "float", str: "str", bool: "bool"}
+_KINDS: dict[str, type] = {"int": int, "float": float, "str": str, "bool": bool}
+_SCALARS = {kind: name for name, kind in _KINDS.items()}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Schema:
         time; a minor only adds fields, which older readers skip.
     fields : in the order of the class.
     hash : 16 hexadecimal digits over name, major and fields.
+    plan : for the codec's loop: name, Python type or None for an array, dtype or None for any.
     """
 
     cls: type
@@ -48,6 +50,7 @@ class Schema:
     minor: int
     fields: tuple[Field, ...]
     hash: str
+    plan: tuple[tuple[str, type | None, np.dtype[Any] | None], ...]
 
 
 @cache
@@ -63,7 +66,9 @@ def schema_of(cls: type) -> Schema:
     fields = tuple(_field(cls, field.name, hints[field.name]) for field in dataclasses.fields(cls))
     major, minor = getattr(cls, "schema_version", (1, 0))
     text = ";".join([cls.__name__, str(major), *(f"{f.name}:{f.kind}{f.dtype}" for f in fields)])
-    return Schema(cls, cls.__name__, major, minor, fields, hashlib.sha256(text.encode()).hexdigest()[:16])
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    plan = tuple((f.name, _KINDS.get(f.kind), DTYPES.get(f.dtype)) for f in fields)
+    return Schema(cls, cls.__name__, major, minor, fields, digest, plan)
 
 
 def _field(cls: type, name: str, hint: Any) -> Field:

@@ -17,7 +17,7 @@ import zmq
 from sonar_component.middleware.codec import ENVELOPE, encode
 from sonar_component.middleware.ports import OutputPort
 from sonar_component.middleware.transport.rejections import Rejections, peer_of
-from sonar_component.middleware.transport.sockets import Socket
+from sonar_component.middleware.transport.sockets import Socket, readable
 
 RUN_ID = os.urandom(8).hex()  # of this process, in every header
 _NO_COPY_BYTES = 1 << 16  # from here on libzmq borrows the array instead of copying it (measured: 64 kB)
@@ -94,13 +94,8 @@ class Publisher:
         return True
 
     def _take_subscriptions(self) -> None:
-        if self._socket.closed:
-            return
-        while True:
-            try:
-                frames = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
-            except zmq.Again:
-                return
+        while not self._socket.closed and readable(self._socket):
+            frames = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
             self._subscription(frames[0].bytes, len(frames) > 1, frames[0])
 
     def _subscription(self, message: bytes, more: bool, frame: zmq.Frame) -> None:

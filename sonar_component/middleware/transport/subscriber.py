@@ -20,7 +20,7 @@ from sonar_component.middleware.policy import Received
 from sonar_component.middleware.ports import Connection
 from sonar_component.middleware.schema import Schema
 from sonar_component.middleware.transport.rejections import Rejections
-from sonar_component.middleware.transport.sockets import Socket
+from sonar_component.middleware.transport.sockets import Socket, readable
 
 _MAX_PARTS = 258  # topic, header and as many buffers as a header may describe
 Decoder = Callable[[dict[str, Any], list[Any]], Any]
@@ -49,15 +49,11 @@ class Subscriber:
     def serve(self) -> None:
         """Take everything that has come."""
         with self._lock:
-            while not self._socket.closed:
+            # Asking for EVENTS puts the descriptor to sleep; what a full mailbox has no room for stays in the socket.
+            while not self._socket.closed and readable(self._socket):
                 if self._connection.mailbox.full:
-                    self._socket.getsockopt(zmq.EVENTS)  # puts the descriptor to sleep; what came stays in the socket
                     return
-                try:
-                    topic = self._socket.recv(zmq.NOBLOCK)
-                except zmq.Again:
-                    return
-                self._take(topic)
+                self._take(self._socket.recv(zmq.NOBLOCK))
 
     def connect(self, endpoint: str) -> None:
         """Connect, or connect anew: libzmq gives up on a peer that once sent too large a frame."""
