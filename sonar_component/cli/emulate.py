@@ -34,7 +34,8 @@ _JSON = typer.Option(False, "--json", help="Print JSON: a line when serving, one
 def register(app: typer.Typer) -> None:
     """Add the verbs."""
     group = typer.Typer(no_args_is_help=True, help="Stand in for a real sonar on its own wire.")
-    group.command("ping360")(ping360)
+    for verb in (ping360, oculus, micron):
+        group.command(verb.__name__)(verb)
     app.add_typer(group, name="emulate")
 
 
@@ -61,6 +62,48 @@ def ping360(
     pose = _pose(position, rpy_deg, quaternion)
     properties = _properties(Ping360Properties, sonar, settings, options)
     _serve("Ping360", open_ping360, properties, scene, pose, seconds, as_json)
+
+
+def oculus(
+    scene: Path = _SCENE,
+    tcp: str | None = typer.Option(None, help="HOST:PORT to serve instead of 127.0.0.1:52100; port 0: any."),
+    status_to: str | None = typer.Option(None, help="HOST:PORT to tell the status to instead of 127.0.0.1:52102."),
+    log: Path | None = typer.Option(None, help="File for a log of all pings, such as wreck.oculus."),
+    sonar: Path | None = _SONAR,
+    settings: list[str] = _SET,
+    position: tuple[float, float, float] = _POSITION,
+    rpy_deg: tuple[float, float, float] | None = _RPY,
+    quaternion: tuple[float, float, float, float] | None = _QUATERNION,
+    seconds: float | None = _SECONDS,
+    allow_remote: bool = _REMOTE,
+    as_json: bool = _JSON,
+) -> None:
+    """Oculus-compatible endpoint: a multibeam sonar over TCP."""
+    from sonar_component.devices.oculus import OculusProperties, open_oculus
+
+    options = {"tcp": tcp, "status_to": status_to, "log": log, "allow_remote": allow_remote or None}
+    pose = _pose(position, rpy_deg, quaternion)
+    properties = _properties(OculusProperties, sonar, settings, options)
+    _serve("Oculus", open_oculus, properties, scene, pose, seconds, as_json)
+
+
+def micron(
+    scene: Path = _SCENE,
+    pty: Path = typer.Option(..., help="Name of the serial line to make, such as /tmp/ttyMicron."),
+    sonar: Path | None = _SONAR,
+    settings: list[str] = _SET,
+    position: tuple[float, float, float] = _POSITION,
+    rpy_deg: tuple[float, float, float] | None = _RPY,
+    quaternion: tuple[float, float, float, float] | None = _QUATERNION,
+    seconds: float | None = _SECONDS,
+    as_json: bool = _JSON,
+) -> None:
+    """Micron-compatible endpoint: a scanning sonar over a serial line."""
+    from sonar_component.devices.micron import MicronProperties, open_micron
+
+    pose = _pose(position, rpy_deg, quaternion)
+    properties = _properties(MicronProperties, sonar, settings, {"pty": pty})
+    _serve("Micron", open_micron, properties, scene, pose, seconds, as_json)
 
 
 def _properties(model: Any, file: Path | None, settings: list[str], options: dict[str, Any]) -> Any:
@@ -93,7 +136,8 @@ def _serve(
         raise error if isinstance(error, SettingsError) else SettingsError(str(error), str(scene)) from None
     try:
         station = open_device(properties, logging.getLogger(name))
-        station.echoes.world, station.echoes.pose = world, pose
+        station.echoes.look_at(world)
+        station.echoes.pose = pose
         station.start()
     except (OSError, GLUnavailableError) as error:
         raise SettingsError(str(error)) from None

@@ -23,6 +23,9 @@ from sonar_component.sonars.settings import ForwardLookingSettings, SonarSetting
 if TYPE_CHECKING:
     from sonar_component.scene.world import World
 
+_UNSEEN = object()  # marks pings that nobody waits for
+_ORIGIN = RigidBodyState(position=np.zeros(3), orientation=np.array([1.0, 0.0, 0.0, 0.0]))
+
 
 @dataclass(eq=False)
 class PingOrder:
@@ -62,7 +65,7 @@ class Imager(Protocol):
 class EchoSource:
     """The thread that renders, and the world and pose it renders from.
 
-    Assign ``pose`` and ``world`` and call ``move_bodies`` from any thread; the next ping sees them.
+    Assign ``pose`` and call ``look_at`` and ``move_bodies`` from any thread; the next ping sees what they gave.
 
     Parameters
     ----------
@@ -79,7 +82,7 @@ class EchoSource:
     ) -> None:
         self._make, self._settings, self._done, self._log = make, settings, done, log
         self.pose: RigidBodyState | None = None
-        self.world: World | None = None
+        self._world: World | None = None
         self._body_poses: deque[BodyPoses] = deque(maxlen=1)
         self._orders: queue.SimpleQueue[PingOrder | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[tuple[PingOrder, Sonar]] = queue.SimpleQueue()
@@ -106,6 +109,21 @@ class EchoSource:
         self._orders.put(None)
         self._thread.join()
 
+    @property
+    def world(self) -> World | None:
+        """The world that pings see, if there is one."""
+        return self._world
+
+    def look_at(self, world: World) -> None:
+        """See another world; it is brought to the GPU at once, not when a client waits."""
+        self._world = world
+        self.prepare(self._settings)
+
+    def prepare(self, settings: SonarSettings) -> None:
+        """Choose samples for settings before a client waits for their first ping."""
+        self._settings = settings
+        self._orders.put(PingOrder(settings, 0.0, 0.0, note=_UNSEEN))
+
     def move_bodies(self, poses: BodyPoses) -> None:
         """Move the bodies of the world; poses of another world are left out."""
         self._body_poses.append(poses)
@@ -130,8 +148,10 @@ class EchoSource:
         finally:
             self._ready.set()
         while (order := self._orders.get()) is not None:
-            self._results.put((order, self._render(imager, order)))
-            self._done()
+            sample = self._render(imager, order)
+            if order.note is not _UNSEEN:
+                self._results.put((order, sample))
+                self._done()
         imager.release()
         self._context.release()
 
@@ -141,12 +161,13 @@ class EchoSource:
 
         self._context = create_context()
         imager = self._make(self._context)
-        pose = RigidBodyState(position=np.zeros(3), orientation=np.array([1.0, 0.0, 0.0, 0.0]))
-        imager.ping(PingOrder(self._settings, 0.0, 0.0), wall_ahead(self._settings.range / 2), pose)
+        imager.ping(PingOrder(self._settings, 0.0, 0.0), wall_ahead(self._settings.range / 2), _ORIGIN)
         return imager
 
     def _render(self, imager: Imager, order: PingOrder) -> Sonar:
-        world, pose = self.world, self.pose
+        world, pose = self._world, self.pose
+        if order.note is _UNSEEN and pose is None:
+            pose = _ORIGIN
         poses = self._body_poses.popleft() if self._body_poses else None
         if world is None or pose is None:
             return nothing(order)

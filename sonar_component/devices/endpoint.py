@@ -73,10 +73,10 @@ class DeviceEndpoint(Task):
 
         try:
             station = self.open()
+            station.listen(self._sent)
             station.start()
         except (OSError, GLUnavailableError) as error:
             return self.refuse(str(error))
-        station.sent = self._sent
         self._station = station
         for place in self.properties.remote():
             self.log.warning("other computers can reach %s", place)
@@ -119,7 +119,7 @@ class DeviceEndpoint(Task):
         echoes = self._station.echoes
         description = self.scene.read_new()
         if description is not None:
-            echoes.world = World.from_description(description)
+            echoes.look_at(World.from_description(description))
         poses = self.body_poses.read_new()
         if poses is not None:
             echoes.move_bodies(poses)

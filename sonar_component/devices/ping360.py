@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from functools import partial
-from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
@@ -15,17 +14,20 @@ from sonar_component.devices.ping360_discovery import DISCOVERY_PORT, answer
 from sonar_component.devices.ping360_head import Ping360Head, Ping360Timing
 from sonar_component.devices.pty import PtyLink
 from sonar_component.devices.station import Station, Wire
+from sonar_component.devices.turning import beam_maker, sonar_of
 from sonar_component.devices.udp import UdpLink
 from sonar_component.settings.quantity import Angle, Duration
-from sonar_component.sonars.settings import AttenuationProperties, SonarSettings
+from sonar_component.sonars.scanning_settings import ScanningSettings
+from sonar_component.sonars.settings import AttenuationProperties
 
 _DEG = math.pi / 180
 
 
-class Ping360Properties(EndpointProperties, SonarSettings):
-    """The sonar, and its wire. A client sets range, bin_count, gain and frequency; values given here do not count.
+class Ping360Properties(EndpointProperties, ScanningSettings):
+    """The sonar, and its wire.
 
-    The opening of the beam, 2 by 25 deg, is that of the product sheet.
+    A client sets range, bin_count, gain, frequency and the way of the head; values given here do not count. The opening
+    of the beam, 2 by 25 deg, is that of the product sheet.
     """
 
     beam_width: Angle = 2 * _DEG
@@ -36,7 +38,8 @@ class Ping360Properties(EndpointProperties, SonarSettings):
     pty: str = Field("", description="name of a serial line to make; empty: none")
     discovery: str = Field(f"127.0.0.1:{DISCOVERY_PORT}", description="HOST:PORT of discovery by UDP; empty: none")
     overhead: Duration = Field(20e-3, ge=0, le=1, description="of each ping, beside its samples")
-    motor_step: Duration = Field(6e-3, ge=0, le=0.1, description="of the motor, for each gradian beyond the first")
+    motor_step: Angle = 0.9 * _DEG
+    motor_step_time: Duration = Field(6e-3, ge=0, le=0.1, description="of each gradian that the motor goes beyond one")
     firmware: str = Field("3.3.8", description="version to report; clients scan by themselves up to 3.3.0")
     device_id: int = Field(2, ge=1, le=254)
     zero_bearing: Angle = Field(math.pi, ge=-math.pi, le=math.pi, description="where angle 0 looks, left positive")
@@ -81,7 +84,7 @@ def open_ping360(properties: Ping360Properties, log: logging.Logger) -> Station:
     """
     p = properties
     major, minor, patch = (int(part) for part in p.firmware.split("."))
-    timing = Ping360Timing(p.overhead, p.motor_step)
+    timing = Ping360Timing(p.overhead, p.motor_step_time)
     head = Ping360Head(sonar_of(p), timing, (major, minor, patch), p.device_id, p.zero_bearing)
     wires: list[Wire] = []
     try:
@@ -95,21 +98,7 @@ def open_ping360(properties: Ping360Properties, log: logging.Logger) -> Station:
         raise
     if p.udp and p.discovery:
         wires += _discovery(p.discovery, log)
-    return Station(head, wires, _imager(head.settings()), log)
-
-
-def sonar_of(properties: SonarSettings) -> SonarSettings:
-    """The sonar's own settings among the properties of an endpoint."""
-    return SonarSettings.model_validate(properties.model_dump(include=set(SonarSettings.model_fields)))
-
-
-def _imager(settings: SonarSettings) -> Any:
-    def make(context: Any) -> Any:
-        from sonar_component.devices.imagers import TurningBeam  # compilers take a second to import
-
-        return TurningBeam(context, settings)
-
-    return make
+    return Station(head, wires, beam_maker(head.settings()), log)
 
 
 def _discovery(address: str, log: logging.Logger) -> list[Wire]:

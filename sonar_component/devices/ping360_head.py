@@ -25,7 +25,7 @@ from sonar_component.devices.echoes import PingOrder
 from sonar_component.devices.link import Arrival, Kind, Outgoing, Peer
 from sonar_component.devices.ping_protocol import LineBreak, PingFrame, PingParser
 from sonar_component.samples import Sonar
-from sonar_component.sonars.settings import SonarSettings
+from sonar_component.sonars.scanning_settings import ScanningSettings
 
 GAINS = (0.25, 0.5, 1.0)  # [-], the sonar's gain (0.5 is unity) for the device's low, normal and high
 _DEVICE_TYPE = 2
@@ -71,7 +71,7 @@ class Ping360Head:
 
     Parameters
     ----------
-    sonar : SonarSettings
+    sonar : ScanningSettings
         Everything that clients do not set: opening of the beam, water, picture.
     firmware : (int, int, int)
         Version to report: clients choose between auto transmit (above 3.3.0) and single pings by it.
@@ -81,7 +81,7 @@ class Ping360Head:
 
     def __init__(
         self,
-        sonar: SonarSettings,
+        sonar: ScanningSettings,
         timing: Ping360Timing | None = None,
         firmware: tuple[int, int, int] = (3, 3, 8),
         device_id: int = 2,
@@ -102,10 +102,10 @@ class Ping360Head:
         self._queue: deque[tuple[msg.Transducer, Peer]] = deque()
         self._position = 0
         self._turn: tuple[float, _Work] | None = None  # until when, and what for
-        self._settings: SonarSettings | None = None
+        self._settings: ScanningSettings | None = None
         self.order = None
 
-    def settings(self) -> SonarSettings:
+    def settings(self) -> ScanningSettings:
         """Settings of the sonar for the registers in force; the same object until one changes."""
         if self._settings is None:
             r, s = self.registers, self._sonar

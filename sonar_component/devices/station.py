@@ -82,6 +82,7 @@ class Timing:
     lateness_max: float = 0.0
 
 
+Listener = Callable[[Sonar, list[Outgoing]], None]
 Wire = tuple[Link, Callable[[Arrival, float], list[Outgoing]]]
 
 
@@ -95,8 +96,6 @@ class Station:
         The callable takes an arrival and the time, and returns what to send: a method of the head.
     make : callable
         A GL context -> Imager.
-    sent : callable, optional
-        Called with the echoes and the messages that carried them, by the thread that serves: for ports and recorders.
     """
 
     def __init__(
@@ -105,18 +104,28 @@ class Station:
         wires: Sequence[Wire],
         make: Callable[[Any], Imager],
         log: logging.Logger,
-        sent: Callable[[Sonar, list[Outgoing]], None] = lambda sample, outgoing: None,
     ) -> None:
-        self.head, self.wires, self._log, self.sent = head, list(wires), log, sent
+        self.head, self.wires, self._log = head, list(wires), log
+        self._listeners: list[Listener] = []
+        self._at_end: list[Callable[[], None]] = []
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self.echoes = EchoSource(make, head.settings(), self._ring, log)
         self._ready: Sonar | None = None
         self._given: PingOrder | None = None
+        self._prepared = head.settings()
         self._stop = False
         self._lateness: deque[float] = deque(maxlen=_REMEMBERED)
         self._timing = Timing()
         self.failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="device", daemon=True)
+
+    def listen(self, listener: Listener, at_end: Callable[[], None] | None = None) -> None:
+        """Have the echoes and the messages that carried them told by the serving thread: for ports and recorders.
+
+        Call it before ``start``; ``at_end`` is called when the device is off its links.
+        """
+        self._listeners.append(listener)
+        self._at_end += [at_end] if at_end is not None else []
 
     def start(self) -> None:
         """Compile, then serve.
@@ -160,6 +169,8 @@ class Station:
     def _close_links(self) -> None:
         for link, _ in self.wires:
             link.close()
+        for end in self._at_end:
+            end()
 
     def _run(self) -> None:
         try:
@@ -178,9 +189,13 @@ class Station:
 
     def _begin(self) -> None:
         order = self.head.begin(time.monotonic())
+        settings = order.settings if order is not None else self.head.settings()
         if order is not None:
             self._given, self._ready = order, None
             self.echoes.order(order)
+        elif settings is not self._prepared:
+            self.echoes.prepare(settings)
+        self._prepared = settings
 
     def _wait(self) -> None:
         now = time.monotonic()
@@ -210,7 +225,8 @@ class Station:
         self._given = self._ready = None
         outgoing = self.head.finish(sample, now)
         self._account(self._send(outgoing), now - order.due)
-        self.sent(sample, outgoing)
+        for listener in self._listeners:
+            listener(sample, outgoing)
 
     def _account(self, left: bool, lateness: float) -> None:
         self._timing.pings += 1
