@@ -66,7 +66,18 @@ setup() {
     extras=$(printf '%s,%s' "$extras" "$(sed -n 2p $stamp 2>/dev/null)" | sed 's/,$//')
     say "Installing the package and what it needs into .venv (a minute or two)"
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -e ".[$extras]" || die "pip could not install the package: see above"
+    warm_up
     printf '%s\n%s\n' "$wanted" "$extras" >$stamp
+}
+
+# The first image compiles the loops that bin it: better here than when somebody looks at a black page. Doctor says what
+# is wrong with this machine's OpenGL, if anything.
+warm_up() {
+    say "Compiling and checking OpenGL"
+    .venv/bin/sonar doctor >.venv/doctor.txt 2>&1 || grep BAD .venv/doctor.txt >&2 || cat .venv/doctor.txt >&2
+    picture=$(mktemp -d)
+    .venv/bin/sonar ping --scene configs/scenes/wreck_site/scene.yaml --noise on --out "$picture/wreck.npz" >/dev/null 2>&1 || true
+    rm -rf "$picture"
 }
 
 has_extras() {
