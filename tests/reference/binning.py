@@ -30,7 +30,7 @@ def sums(
                 for k in range(max(0, int(np.floor(low))), min(bins, int(high) + 1)):
                     if k * range_max / bins < min_range * (1 - 1e-9):
                         continue
-                    part = solid_angle * (min(high, k + 1) - max(low, k)) / (high - low)
+                    part = solid_angle * max(0.0, min(high, k + 1) - max(low, k)) / (high - low)
                     weight[beam, k] += part
                     energy[beam, k] += part * sample.strength
     return weight, energy
