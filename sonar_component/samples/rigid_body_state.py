@@ -6,6 +6,7 @@ The orientation is a unit quaternion (w, x, y, z): scalar first, as on the comma
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -53,6 +54,21 @@ class RigidBodyState:
     cov_velocity: Array = field(default_factory=lambda: _unknown(3, 3))
     angular_velocity: Array = field(default_factory=lambda: _unknown(3))
     cov_angular_velocity: Array = field(default_factory=lambda: _unknown(3, 3))
+
+    @classmethod
+    def at(cls, position: Sequence[float], rpy: Sequence[float] = (0.0, 0.0, 0.0), time: int = 0) -> RigidBodyState:
+        """A pose in the world.
+
+        Parameters
+        ----------
+        position : 3 numbers
+            [m].
+        rpy : 3 numbers
+            Roll, pitch and yaw [rad] as in ``quaternion_from_rpy``.
+        time : int
+            [us].
+        """
+        return cls(time, position=np.array(position, np.float64), orientation=quaternion_from_rpy(*rpy))
 
     def validate(self) -> None:
         """Raise ValueError unless position and orientation are usable; say which value is not."""

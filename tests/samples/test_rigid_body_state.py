@@ -90,6 +90,14 @@ def test_the_transform_takes_a_point_of_the_body_into_the_world() -> None:
     np.testing.assert_allclose(p_WV, [5e5, 4.65e6 + 1, -10.0, 1.0], atol=1e-9)  # 4.65e6 m in float64
 
 
+def test_a_pose_is_made_from_a_place_and_angles() -> None:
+    made = RigidBodyState.at([1, 2, 3], rpy=[0, 0, math.pi / 2], time=7)
+    made.validate()
+    assert (made.time, made.position.tolist()) == (7, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(made.orientation, quaternion_from_rpy(0, 0, math.pi / 2))
+    np.testing.assert_array_equal(RigidBodyState.at([0, 0, 0]).orientation, [1, 0, 0, 0])
+
+
 def state(**changes: Any) -> RigidBodyState:
     return RigidBodyState(**({"position": np.zeros(3), "orientation": np.array([1.0, 0, 0, 0])} | changes))
 
