@@ -178,7 +178,8 @@ class OculusHead:
         """Status once a second; a dummy where nothing else is to be sent."""
         found: list[Outgoing] = []
         if self._status_to is not None and now >= self._next_status:
-            self._next_status = max(self._next_status + _STATUS_PERIOD, now)
+            late = now - self._next_status > _STATUS_PERIOD
+            self._next_status = (now if late else self._next_status) + _STATUS_PERIOD
             found.append((self._status_to, self.status().message(self._model.device_id & 0xFFFF)))
         if self._client is not None and now >= self._next_dummy:
             self._next_dummy = now + _DUMMY_PERIOD
