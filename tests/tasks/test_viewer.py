@@ -151,7 +151,17 @@ def test_the_page_and_its_scripts_are_served(bench):
     status, page = bench.get("/")
     assert status == 200
     assert b"main.js" in page
-    for name in ("main.js", "panel.js", "image.js", "link.js", "tasks.js", "style.css", "icon.svg", "colours.json"):
+    for name in (
+        "main.js",
+        "panel.js",
+        "grid.js",
+        "image.js",
+        "link.js",
+        "tasks.js",
+        "style.css",
+        "icon.svg",
+        "colours.json",
+    ):
         assert bench.get(f"/{name}")[0] == 200
 
 

@@ -1,11 +1,10 @@
 // One sonar: its picture, rings and ticks, cursor, and the controls of how it is shown.
 
+import { DEGREE, LABEL, degrees, drawFanGrid, drawPolarGrid, round } from "./grid.js";
 import { Image, fanTable, polarTable, sectorBox } from "./image.js";
 
 const MAX_PIXELS = 1200; // [-] of the longer side: more is not in the image, and costs time on large screens
 const BESIDES = 210; // [CSS pixels] of height that the header, the controls and the readings take
-const DEGREE = Math.PI / 180;
-const GRID = "rgba(255,255,255,0.35)", FAINT = "rgba(255,255,255,0.14)", LABEL = "rgba(255,255,255,0.8)";
 
 const MARKUP = `
   <h2></h2>
@@ -158,60 +157,8 @@ export class Panel {
     g.textAlign = "center";
     g.textBaseline = "middle";
     g.fillStyle = LABEL;
-    if (this.controls.view.value === "polar") this.drawPolarGrid(g);
-    else this.drawFanGrid(g);
-  }
-
-  drawFanGrid(g) {
-    const { image } = this, { edges } = image.edges(), first = edges[0], last = edges[edges.length - 1];
-    const [ox, oy] = this.toCanvas(0, 0), perMetre = this.table.width / (this.table.extent[0] - this.table.extent[1]);
-    g.lineWidth = 1;
-    g.strokeStyle = GRID;
-    for (const ring of rings(image.reach)) {
-      g.beginPath(); // canvas angles run clockwise from its x axis; ahead is up, so bearing b is -90 deg - b
-      g.arc(ox, oy, ring * perMetre, -Math.PI / 2 - last, -Math.PI / 2 - first);
-      g.stroke();
-      if (ring > 0.93 * image.reach) continue; // the bearing's label stands there
-      const [x, y] = this.toCanvas(ring * Math.cos(last), ring * Math.sin(last));
-      g.textAlign = "right";
-      g.fillText(`${round(ring)} m`, x - 6, y + 4);
-    }
-    g.textAlign = "center";
-    for (const tick of ticks(first / DEGREE, last / DEGREE)) {
-      const b = tick * DEGREE, far = image.reach * 1.035;
-      g.strokeStyle = FAINT;
-      this.line(g, this.toCanvas(0, 0), this.toCanvas(image.reach * Math.cos(b), image.reach * Math.sin(b)));
-      g.fillText(degrees(tick), ...this.toCanvas(far * Math.cos(b), far * Math.sin(b)));
-    }
-    if (image.turning && image.head !== null) {
-      g.strokeStyle = "#7dff9b";
-      g.lineWidth = 2;
-      this.line(g, [ox, oy], this.toCanvas(image.reach * Math.cos(image.head), image.reach * Math.sin(image.head)));
-    }
-  }
-
-  drawPolarGrid(g) {
-    const { image } = this, { order } = image.edges(), { width, height } = this.over;
-    g.strokeStyle = FAINT;
-    g.textAlign = "left";
-    for (const ring of rings(image.reach)) {
-      const y = height * (1 - ring / image.reach);
-      this.line(g, [0, y], [width, y]);
-      g.fillText(`${round(ring)} m`, 4, Math.max(8, y));
-    }
-    g.textAlign = "center";
-    const step = Math.max(1, Math.round(image.beams / 8));
-    for (let column = Math.floor(step / 2); column < image.beams; column += step) {
-      const bearing = this.bearing(order[image.beams - 1 - column]) / DEGREE;
-      g.fillText(degrees(bearing), ((column + 0.5) / image.beams) * width, height - 10);
-    }
-  }
-
-  line(g, from, to) {
-    g.beginPath();
-    g.moveTo(...from);
-    g.lineTo(...to);
-    g.stroke();
+    if (this.controls.view.value === "polar") drawPolarGrid(this, g);
+    else drawFanGrid(this, g);
   }
 
   bearing(beam) {
@@ -284,29 +231,4 @@ export class Panel {
     const silent = status.since !== null && status.since > 2 ? `no image for ${status.since.toFixed(0)} s` : "";
     this.notice.textContent = [silent, status.notice].filter(Boolean).join("; ");
   }
-}
-
-export function rings(reach) {
-  const rough = reach / 5, power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10, 20, 50].map((s) => s * power).reduce((a, b) => (Math.abs(b - rough) < Math.abs(a - rough) ? b : a));
-  return Array.from({ length: Math.floor(reach / step + 1e-9) }, (_, i) => (i + 1) * step);
-}
-
-export function ticks(first, last) {
-  const most = last - first < 350 ? 9 : 12;
-  const step = [1, 2, 5, 10, 15, 30, 45, 90].find((s) => (last - first) / s <= most) ?? 90;
-  const found = [];
-  for (let t = Math.ceil(first / step - 1e-9) * step; t <= last + 1e-9; t += step) found.push(t);
-  return last - first > 359 ? found.filter((t) => t < first + 360 - 1e-6) : found;
-}
-
-function degrees(angle, digits = 0) {
-  const wrapped = -((((180 - angle) % 360) + 360) % 360 - 180);
-  const text = Math.abs(wrapped).toFixed(digits);
-  if (Number(text) === 0 || Number(text) === 180) return text + "°";
-  return (wrapped > 0 ? "+" : "-") + text + "°";
-}
-
-function round(value) {
-  return Number(value.toPrecision(6)).toString();
 }
