@@ -20,6 +20,7 @@ from sonar_component.middleware.lifecycle import Command, LifeCycle, State, expl
 from sonar_component.middleware.ports import InputPort, InvalidSampleError, OutputPort
 from sonar_component.settings.errors import suggest
 from sonar_component.settings.paths import find_file
+from sonar_component.settings.validation import explain as explain_settings
 
 P = TypeVar("P", bound=BaseModel)
 STALE_INPUT = "STALE_INPUT"
@@ -249,7 +250,7 @@ class Task:
         try:
             self.properties = self.Properties.model_validate(self.given)
         except ValidationError as error:
-            return [explain_property(self.Properties, item) for item in error.errors()]
+            return wrong_properties(self.Properties, self.given, error)
         return []
 
     def set_property(self, name: str, value: Any) -> None:
@@ -267,13 +268,14 @@ class Task:
         configured = self.lifecycle.state not in (State.PRE_OPERATIONAL, State.INIT)
         if configured and name not in self.dynamic:
             raise ValueError(f"{self.name}.{name} cannot change while the task is configured: clean it up first")
+        values = {**self.given, name: value}
         try:
-            changed = self.Properties.model_validate({**self.given, name: value})
+            changed = self.Properties.model_validate(values)
         except ValidationError as error:
-            raise ValueError("; ".join(explain_property(self.Properties, item) for item in error.errors())) from None
+            raise ValueError("; ".join(wrong_properties(self.Properties, values, error))) from None
         if configured:
             self.property_hook(name, getattr(changed, name))
-        self.given, self.properties = {**self.given, name: value}, changed
+        self.given, self.properties = values, changed
 
     def _changed(self, lifecycle: LifeCycle) -> None:
         self.state.write(TaskState(self.now(), lifecycle.state.value, lifecycle.substate, lifecycle.reason))
@@ -288,11 +290,7 @@ def ports_of(task_class: type) -> dict[str, InputPort[Any] | OutputPort[Any]]:
     return found
 
 
-def explain_property(model: type[BaseModel], item: Any) -> str:
-    """One mistake of a model, in words: the property, what is allowed, what was got."""
-    path = ".".join(str(part) for part in item["loc"])
-    if item["type"] == "extra_forbidden":
-        return f"{path} is not a known property{suggest(path, model.model_fields)}"
-    message = item["msg"].removeprefix("Value error, ")
-    got = "" if "got" in message or item["type"] == "missing" else f", got {item['input']!r}"
-    return f"{path}: {message[:1].lower()}{message[1:]}{got}"
+def wrong_properties(model: type[BaseModel], values: dict[str, Any], error: ValidationError) -> list[str]:
+    """What is wrong with properties, in words: ``name: what is allowed, what was got``."""
+    mistakes = explain_settings(model, values, error.errors())
+    return [": ".join(part for part in (".".join(map(str, place)), words) if part) for place, words in mistakes]

@@ -47,16 +47,22 @@ def _explain(
     model: type[BaseModel], data: Any, items: Sequence[Any], document: Document, at: KeyPath
 ) -> list[SettingsError]:
     """One mistake for each place, in the order of the file."""
+    found = sorted(explain(model, data, items), key=lambda mistake: document.position((*at, *mistake[0])))
+    return [document.error((*at, *place), words) for place, words in found]
+
+
+def explain(model: type[BaseModel], data: Any, items: Sequence[Any]) -> list[tuple[KeyPath, str]]:
+    """What pydantic found, in the user's words: (place in the data, what is wrong there), one for each place."""
     places: dict[KeyPath, list[Any]] = {}
     for item in items:
         places.setdefault(_place(data, item["loc"]), []).append(item)
     # [1 deg, 2 m] is not one of the allowed words either; what is wrong is its second item.
     blunt = [place for place in places if any(len(p) > len(place) > 0 and p[: len(place)] == place for p in places)]
     mistakes = []
-    for place in sorted(set(places) - set(blunt), key=lambda place: document.position((*at, *place))):
+    for place in (place for place in places if place not in blunt):
         words = ", or ".join(dict.fromkeys(_words(model, place, item) for item in places[place]))
         got = f", got {places[place][0]['input']!r}" if _wants_value(places[place], words) else ""
-        mistakes.append(document.error((*at, *place), words + got + _unit_hint(model, data, place)))
+        mistakes.append((place, words + got + _unit_hint(model, data, place)))
     return mistakes
 
 

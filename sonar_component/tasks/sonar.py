@@ -50,7 +50,10 @@ class SonarTask(Task):
     activity = PortDriven(("sonar_pose_cmd",))
 
     sonar_pose_cmd: InputPort[RigidBodyState] = InputPort(
-        RigidBodyState, required=True, doc="Pose of the vehicle in the world; of the sonar, where it has no mount."
+        RigidBodyState,
+        required=True,
+        automatic=True,
+        doc="Pose of the vehicle in the world; of the sonar, where it has no mount.",
     )
     scene: InputPort[SceneDescription] = InputPort(
         SceneDescription, required=True, automatic=True, doc="The world to look at."

@@ -61,7 +61,7 @@ MISTAKES = [
     ("type: SceneTask", "type: SeneTask", 4, '(did you mean "SceneTask"?)'),
     ("type: SceneTask", "type: os.system", 4, "is not a known task type"),
     ("activity: {periodic: 20 ms}", "activity: {periodic: 20 m}", 3, "'m' is of length, got '20 m'"),
-    ("activity: {periodic: 20 ms}", "activity: {periodic: 0 ms}", 3, "greater than 0"),
+    ("activity: {periodic: 20 ms}", "activity: {periodic: 0 ms}", 3, "must be above 0"),
     ("activity: {periodic: 20 ms}", "activity: {periodc: 20 ms}", 3, '(did you mean "periodic"?)'),
     ("activity: {periodic: 20 ms}", "activity: {slave: pos}", 3, 'no task \'pos\' (did you mean "pose"?)'),
     ("activity: {periodic: 20 ms}", "activity: {slave: scene}", 3, "must be in the same process: write process: scene"),
@@ -82,9 +82,8 @@ MISTAKES = [
     ("to: [fls.", "to: [fls.sonar_pose_cmd, fls.", 11, "is connected to fls.sonar_pose_cmd already"),
     ("policy: data", "policy: latest", 11, "must be data, or a kind with its size"),
     ("policy: data", "policy: buffer", 11, "write {buffer: 4}"),
-    ("policy: data", "policy: {buffer: 0}", 11, "greater than or equal to 1"),
+    ("policy: data", "policy: {buffer: 0}", 11, "must be at least 1, got 0"),
     ("max_age: 500 ms", "max_age: 500 m", 11, "'m' is of length"),
-    ("to: [fls.sonar_pose_cmd]", "to: [scene.pose_cmd]", 5, "sonar_pose_cmd (RigidBodyState) must be connected"),
     ("process: gpu", "process: ../gpu", 7, "must be letters, digits"),
 ]  # fmt: skip
 
@@ -97,6 +96,16 @@ def test_every_mistake_is_named_with_its_line(tmp_path: Path, good: str, bad: st
     text = str(caught.value)
     assert message in text
     assert f"deployment.yaml:{line}:" in text
+
+
+def test_an_input_that_nothing_or_more_than_one_could_feed_must_be_connected(tmp_path: Path) -> None:
+    alone = GOOD.split("connections:")[0]
+    assert ("pose.pose_samples", "fls.sonar_pose_cmd") in {
+        (c.source, c.target) for c in check(tmp_path, alone).connections
+    }
+    message = r"deployment\.yaml:6:3: tasks\.fls: input port sonar_pose_cmd \(RigidBodyState\) must be connected"
+    with pytest.raises(SettingsError, match=message):
+        check(tmp_path, alone.replace("tasks:\n", "tasks:\n  other: {type: VehiclePoseTask}\n"))
 
 
 def test_all_mistakes_are_told_at_once_and_in_order(tmp_path: Path) -> None:

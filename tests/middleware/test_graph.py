@@ -161,7 +161,7 @@ def test_properties_are_refused_with_the_reason_and_the_old_value_stays(graph: A
     with connect_task("source", timeout=20.0) as source:
         graph.wait_for(lambda: source.state()["state"] == "RUNNING", "running")
         source.set("gain", 0.7)
-        with pytest.raises(RuntimeError, match="gain: input should be less than or equal to 1, got 2"):
+        with pytest.raises(RuntimeError, match="gain: must be at most 1, got 2"):
             source.set("gain", 2)
         with pytest.raises(RuntimeError, match=r"source\.beams cannot change while the task is configured"):
             source.set("beams", 9)

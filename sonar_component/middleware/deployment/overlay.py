@@ -12,10 +12,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from sonar_component.middleware.task import Task, explain_property
+from sonar_component.middleware.task import Task
 from sonar_component.settings.errors import SettingsError, SettingsErrors, suggest
 from sonar_component.settings.loader import Document, KeyPath, load_yaml
 from sonar_component.settings.paths import find_file
+from sonar_component.settings.validation import explain
 
 Origin = tuple[Document, KeyPath]
 
@@ -37,8 +38,8 @@ def task_properties(document: Document, task: str, config: list[str], task_class
     try:
         model = task_class.Properties.model_validate(values)
     except ValidationError as error:
-        items = error.errors()
-        raise SettingsErrors([_place(item, task_class, origins, here) for item in items]) from None
+        found = explain(task_class.Properties, values, error.errors())
+        raise SettingsErrors([_place(place, words, origins, here) for place, words in found]) from None
     wrong = task_class.check(model, document.file)
     if wrong:
         raise SettingsErrors([_at(origins.get(key, here), f"{message}") for key, message in wrong])
@@ -90,13 +91,12 @@ def _section(document: Document, place: KeyPath, opened: Document, word: str) ->
     return opened, ("sections", word)
 
 
-def _place(item: Any, task_class: type[Task], origins: dict[str, Origin], here: Origin) -> SettingsError:
-    location = item["loc"]
-    message = explain_property(task_class.Properties, item)
-    if not location:
-        return _at(here, message)
-    layer, at = origins.get(str(location[0]), (here[0], (*here[1], location[0])))
-    return _at((layer, (*at, *location[1:])), message.removeprefix(".".join(map(str, location))).lstrip(": "))
+def _place(place: KeyPath, words: str, origins: dict[str, Origin], here: Origin) -> SettingsError:
+    """A mistake at the file and line whose value counts."""
+    if not place:
+        return _at(here, words)
+    layer, at = origins.get(str(place[0]), (here[0], (*here[1], place[0])))
+    return _at((layer, (*at, *place[1:])), words)
 
 
 def _at(origin: Origin, message: str) -> SettingsError:
