@@ -76,7 +76,7 @@ def test_another_process_reads_the_images_of_the_demo(context: Any, graph: Any, 
         assert min(picture.size) > 300
 
     launcher.send_signal(signal.SIGINT)  # Ctrl-C
-    assert launcher.wait(30) == 0
+    assert launcher.wait(30) == 0, graph.said()
     assert graph.processes() == []
     assert "Traceback" not in graph.said()
 
@@ -104,7 +104,7 @@ def test_without_egl_the_sonar_says_so_and_the_others_run(graph: Any, tmp_path: 
     assert "sudo apt-get install libegl1" in graph.said()
     graph.wait_until_said("scene: RUNNING")
     launcher.send_signal(signal.SIGINT)
-    assert launcher.wait(30) == 1  # something failed while running
+    assert launcher.wait(30) == 1, graph.said()  # something failed while running
     assert "Traceback" not in graph.said()
 
 
