@@ -65,3 +65,12 @@ def test_a_wrong_name_is_one_line_with_the_nearest(graph: Any) -> None:
         done = graph.sonar("hz", name, "--timeout", 0.1)
         assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
         assert message in done.stderr
+
+
+def test_bw_and_delay_read_headers_and_agree_with_the_sizes(graph: Any) -> None:
+    found = running(graph).json("bw", "fls.sonar_samples", "--seconds", 1)
+    arrays = 256 * 500 * 4 + 256 * 8 + 3 * 8 + 4 * 8  # bins, bearings, sensor pose
+    assert found["mean_bytes"] == arrays
+    delays = graph.json("delay", "fls.sonar_samples", "--seconds", 1)
+    assert 0 < delays["transport_ms"]["median"] < 100
+    assert delays["age_ms"]["median"] >= delays["transport_ms"]["median"]
