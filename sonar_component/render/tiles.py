@@ -26,19 +26,23 @@ def split(vertices: Array, faces: NDArray[np.int32]) -> list[NDArray[np.int32]]:
     Returns
     -------
     list of (k,) int32
-        Indices of the faces of each tile.
+        Indices of the faces of each tile; faces with a vertex that is not finite are in none.
     """
-    corners = vertices[faces]
+    # A single vertex that is not a number would hide its whole tile; the world has counted such faces.
+    sound = np.flatnonzero(np.isfinite(vertices[faces]).all(axis=(1, 2)))
+    if not len(sound):
+        return []
+    corners = vertices[faces[sound]]
     centres = corners.mean(axis=1)
     size = np.ptp(corners, axis=1).max(axis=1)
     # A few huge triangles (a floor of two) would stretch the tiles of all their neighbours over everything.
-    huge = size > _HUGE * np.ptp(vertices, axis=0).max()
-    waiting = [np.flatnonzero(group).astype(np.int32) for group in (huge, ~huge) if group.any()]
-    tiles = []
+    huge = size > _HUGE * np.ptp(corners, axis=(0, 1)).max()
+    waiting = [np.flatnonzero(group) for group in (huge, ~huge) if group.any()]
+    tiles: list[NDArray[np.int32]] = []
     while waiting:
         chosen = waiting.pop()
         if len(chosen) <= TILE_FACES:
-            tiles.append(chosen)
+            tiles.append(sound[chosen].astype(np.int32))
             continue
         extent = np.ptp(centres[chosen], axis=0)
         order = np.argpartition(centres[chosen, extent.argmax()], len(chosen) // 2)

@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from difflib import get_close_matches
 
+import numpy as np
+
 from sonar_component.samples.scene_description import BodyPoses, SceneDescription
 from sonar_component.scene import description
 from sonar_component.scene.body import Body, Part, Pose, check_pose
@@ -48,6 +50,7 @@ class World:
         if body.name in self.bodies:
             raise ValueError(f"the world already has a body '{body.name}'")
         body.X_WB = check_pose(body.X_WB, body.name)
+        self.warnings += [line for line in _unsound(body) if line not in self.warnings]
         body.parts = [self._mapped(part) for part in body.parts]
         self.bodies[body.name] = body
         self._geometry_changed()
@@ -127,3 +130,14 @@ class World:
     def _geometry_changed(self) -> None:
         self.geometry_version += 1
         self._content_hash = None
+
+
+def _unsound(body: Body) -> list[str]:
+    """Faces that a renderer leaves out; readers of files have dropped theirs, a program's own meshes come here."""
+    lines = []
+    for part in body.parts:
+        finite = np.isfinite(part.mesh.vertices[part.mesh.faces]).all(axis=(1, 2))
+        count = int(np.count_nonzero(~finite))
+        if count:
+            lines.append(f"'{body.name}': {count} x face with NaN or infinite vertices, left out")
+    return lines

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sonar_component.scene import Body, Material, Part, World, shapes
+from sonar_component.scene import Body, Material, Mesh, Part, World, shapes
 from sonar_component.scene.pose import from_rpy
 
 
@@ -162,3 +162,14 @@ def test_a_reflectance_that_is_not_greater_than_zero_is_refused(reflectance: flo
 def test_meshes_cannot_be_changed_behind_a_renderers_back() -> None:
     with pytest.raises(ValueError, match="read-only"):
         shapes.sphere(1).vertices[0] = 0
+
+
+def test_faces_that_are_not_finite_are_counted_by_object_and_once() -> None:
+    ball = shapes.sphere(1)
+    vertices = ball.vertices.copy()
+    vertices[40] = np.nan
+    count = int((ball.faces == 40).any(axis=1).sum())
+    broken = Mesh(vertices, ball.normals.copy(), ball.faces.copy())
+    w = World([Body("buoy", [Part(broken, Material("x"), np.eye(4))], np.eye(4))])
+    assert w.warnings == [f"'buoy': {count} x face with NaN or infinite vertices, left out"]
+    assert World.from_description(w.to_description()).warnings == w.warnings
