@@ -32,13 +32,16 @@ uniform sampler2DArray normal_maps;
 vec3 perturbed(vec3 normal) {
     vec3 dx = dFdx(p_S), dy = dFdy(p_S);
     vec2 du = dFdx(uv), dv = dFdy(uv);
+    // The target's axes run up and to the right, so cross(dx, dy) points away from the sonar: turn the normal the same
+    // way. Else bumps would be dents, and which is which would depend on the winding.
+    if (dot(cross(dx, dy), normal) < 0.0) normal = -normal;
     vec3 across_y = cross(dy, normal), across_x = cross(normal, dx);
     vec3 tangent = across_y * du.x + across_x * dv.x;
     vec3 bitangent = across_y * du.y + across_x * dv.y;
     float size = max(dot(tangent, tangent), dot(bitangent, bitangent));
     if (texture_layer == 0u || !(size > 0.0)) return normal;
     vec3 relief = texture(normal_maps, vec3(uv, float(texture_layer) - 1.0)).xyz * 2.0 - 1.0;
-    return normalize(mat3(tangent * inversesqrt(size), bitangent * inversesqrt(size), normal) * relief);
+    return normalize(mat3(tangent * inversesqrt(size), bitangent * inversesqrt(size), -normal) * relief);
 }
 #endif
 
