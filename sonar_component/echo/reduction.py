@@ -99,7 +99,7 @@ class GpuReduction:
         if len(self._tables) == 4 and all(a is b for a, b in zip(tables[:3], self._tables[:3], strict=True)):
             if self._tables[3] == bin_count:
                 return
-        self.release()
+        self._release_tables()
         self._tables = tables
         entries = np.zeros(_padded(len(assignment.column)), _ENTRY)
         used = entries[: len(assignment.column)]
@@ -117,6 +117,11 @@ class GpuReduction:
 
     def release(self) -> None:
         """Give GPU memory back."""
+        self._release_tables()
+        self._bin.release()
+        self._normalise.release()
+
+    def _release_tables(self) -> None:
         for buffer in self._buffers:
             buffer.release()
         self._buffers, self._tables = [], ()

@@ -15,6 +15,7 @@ from sonar_component.render.layout import Layout, View
 
 Array = NDArray[np.float64]
 
+_NEAREST = 1 / 2000  # [-], of the range: depth of 24 bits then parts surfaces that lie 1e-4 of it behind each other
 _DRAWN_BEYOND = 1.25  # [-], of the range: a cell whose centre lies beyond the last bin may still reach into it
 _CLIP_DISTANCE_0 = 0x3000  # GL_CLIP_DISTANCE0, which moderngl does not name
 _SHADERS = "sonar_component.render.shaders"
@@ -129,6 +130,8 @@ class FootprintRenderer:
             self._programs[key] = _Program(load_program(self._context, _SHADERS, defines, **sources))
         program = self._programs[key]
         if program.array is None or program.generation != self.geometry.generation:
+            if program.array is not None:
+                program.array.release()
             program.array, program.generation = self._bind(program.program, optics), self.geometry.generation
         if program.layout is not layout or program.optics != optics:
             program.layout, program.optics = layout, optics
@@ -194,9 +197,10 @@ def decode(pixels: NDArray[np.uint32], greatest: float) -> tuple[NDArray[np.floa
 def near_plane(optics: Optics) -> float:
     """Distance below which nothing is drawn [m].
 
-    A quarter of a bin: seen obliquely, in the corner of an aperture of 120 deg, it is still within the first bin.
+    A quarter of a bin: seen obliquely, in the corner of an aperture of 120 deg, it is still within the first bin. Long
+    bins hold many near surfaces, so there it is a share of the range, as small as a depth of 24 bits allows.
     """
-    return 0.25 * optics.bin_length
+    return min(0.25 * optics.bin_length, _NEAREST * optics.range_max)
 
 
 def projection(view: View, column_count: int, near: float, far: float) -> Array:
