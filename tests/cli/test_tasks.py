@@ -22,7 +22,8 @@ CHAIN = """
 
 def running(graph: Any) -> Any:
     graph.start(CHAIN)
-    graph.wait_until_said("fls: RUNNING")
+    for task in ("pose", "fls"):
+        graph.wait_until_said(f"{task}: RUNNING")
     return graph
 
 
