@@ -70,6 +70,14 @@ class ScanHead:
         self._index += self._direction
         return at_limit
 
+    def skip(self, pings: int) -> None:
+        """Turn on by as many pings that nobody hears."""
+        if self._continuous:
+            self._steps += pings
+            return
+        for _ in range(pings % max(2 * (self.places - 1), 1)):
+            self.advance()
+
     def bearings(self) -> NDArray[np.float64]:
         """(places,) float64: the bearings of all places [rad], growing, so that a sector may go beyond pi."""
         if self._continuous:

@@ -7,6 +7,7 @@ then stop. The original simulator pings once per pose instead, whatever a real h
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
@@ -134,14 +135,21 @@ class ScanningSonarTask(SonarTask):
         return True
 
     def _resume(self, newest: RigidBodyState) -> None:
-        """Begin with the first pose, and again after a gap."""
-        if self._next < self._track.begins():
-            if self._next:
-                missed = (newest.time - self._next) * 1e-6
-                self.log.warning("%.2f s without poses: the pings of that time are left out", missed)
+        """Begin with the first pose, and again after a gap, in which the head has turned on."""
+        if not self._next:
             self._next = self._track.begins()
-        elif self._next > newest.time + 1e6 * self.properties.max_extrapolation + 1e6 * self.properties.ping_period:
+        elif self._next < self._track.begins():
+            missed = (self._track.begins() - self._next) * 1e-6
+            self.log.warning("%.2f s without poses: the pings of that time are left out", missed)
+            self._skip(missed)
+        elif self._next > newest.time + 1e6 * (self.properties.max_extrapolation + self.properties.ping_period):
             self._next = newest.time  # time was set back
+
+    def _skip(self, seconds: float) -> None:
+        """Leave out the pings of some time; none of them begins before it is over."""
+        pings = math.ceil(seconds / self.properties.ping_period)
+        self._next += round(pings * self.properties.ping_period * 1e6)
+        self._sonar.head.skip(pings)
 
     def _horizon(self) -> int:
         """Up to when pings can be computed [us]."""
@@ -158,9 +166,8 @@ class ScanningSonarTask(SonarTask):
     def _catch_up(self, horizon: int) -> None:
         behind = (horizon - self._next) * 1e-6
         if behind > self.properties.max_pose_age:
-            left_out = int(behind / self.properties.ping_period)
-            self.log.warning("%.1f s behind: %d pings are left out", behind, left_out)
-            self._next += round(left_out * self.properties.ping_period * 1e6)
+            self.log.warning("%.1f s behind: the pings of that time are left out", behind)
+            self._skip(behind)
 
     def _ping(self, world: World, time: int) -> None:
         head = self._sonar.head

@@ -87,6 +87,20 @@ def test_when_settings_change_the_head_goes_to_the_nearest_place() -> None:
     assert math.degrees(head.bearing) == pytest.approx(20)
 
 
+@pytest.mark.parametrize("continuous", [True, False])
+def test_skipping_pings_is_as_good_as_walking_them(continuous: bool) -> None:
+    chosen = settings(-20, 25, 10, continuous=continuous)
+    for pings in (0, 1, 7, 40, 1001):
+        walked, skipped = ScanHead(chosen), ScanHead(chosen)
+        for _ in range(pings):
+            walked.advance()
+        skipped.skip(pings)
+        assert skipped.bearing == pytest.approx(walked.bearing)
+        walked.advance()
+        skipped.advance()
+        assert skipped.bearing == pytest.approx(walked.bearing)
+
+
 @given(
     left=st.integers(-180, 180), right=st.integers(-180, 180), step=st.floats(0.45, 90),
     share=st.none() | st.floats(0, 1), continuous=st.booleans(),

@@ -126,7 +126,7 @@ def test_silence_becomes_an_error_and_the_scan_goes_on_from_the_next_pose(bench:
         b.feed(now=2.5)
     beams = b.feed(pose(5.0)) + b.feed(pose(5.1))
     assert [(s.time - START) / 1e6 for s in beams] == pytest.approx([5.0, 5.05, 5.1])
-    assert round(math.degrees(beams[0].bearings[0])) == -90  # the head stands where it stood
+    assert round(math.degrees(beams[0].bearings[0])) == 0  # the head has turned on: 100 pings of 90 deg since the start
 
 
 def test_a_gap_in_the_poses_is_not_bridged(bench: Any) -> None:
