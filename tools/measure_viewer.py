@@ -81,6 +81,12 @@ def measure(page: str, seconds: float, tabs: int) -> dict[str, Any]:
             if number:
                 browser.switch_to.new_window("window")
             browser.get(page)
+        for _ in range(60):
+            if browser.execute_script(f"return document.querySelector(\"[data-source='{SOURCE}']\")?.dataset.age"):
+                break
+            time.sleep(0.5)
+        else:
+            raise SystemExit(f"the page drew no image of {SOURCE} within 30 s; see: sonar list")
         time.sleep(SETTLING)
         ages, memory, times, drawn = [], [], [], []
         script = (

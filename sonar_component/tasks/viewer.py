@@ -177,7 +177,9 @@ class ViewerTask(Task):
             newest = received
             reason = invalid_reason(received.sample)
             if not reason:
-                self.board.put(connection.source, received.sample)
-            elif self.board.refuse(connection.source, reason):
-                self.log.warning("%s: %s", connection.source, reason)
+                odd = self.board.put(connection.source, received.sample)
+            else:
+                odd = reason if self.board.refuse(connection.source, reason) else ""
+            if odd:
+                self.log.warning("%s: %s", connection.source, odd)
         return newest

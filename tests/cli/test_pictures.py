@@ -78,6 +78,23 @@ def test_view_says_where_the_page_is_and_the_page_is_there(graph):
     assert graph.sonar("view", "--no-browser").stdout.strip() == page
 
 
+def test_a_viewer_that_hangs_or_is_killed_does_not_slow_the_sonar(graph):
+    import os
+    import signal
+
+    graph.start(WITH_VIEWER.replace("PORT", "0"))
+    graph.wait_until_said("viewer: RUNNING")
+    pid = next(task["pid"] for task in graph.json("list")["tasks"] if task["task"] == "viewer")
+    before = graph.json("hz", "source.sonar_samples", "--seconds", 1)["hz"]
+    os.kill(pid, signal.SIGSTOP)
+    hung = graph.json("hz", "source.sonar_samples", "--seconds", 2)["hz"]
+    os.kill(pid, signal.SIGKILL)
+    killed = graph.json("hz", "source.sonar_samples", "--seconds", 1)["hz"]
+    # The source writes 50 a second; the machine of a test run has other work, which costs it some of them.
+    assert hung > 0.6 * before
+    assert killed > 0.6 * before
+
+
 def test_without_a_viewer_view_says_what_is_missing(graph):
     graph.start(SOURCE)
     graph.wait_until_said("source: RUNNING")

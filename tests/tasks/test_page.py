@@ -508,6 +508,9 @@ def test_a_whole_graph_is_steered_from_the_page(graph, browser):
     browser.wait_for_text("20 m", f"[data-source='{SOURCE}'] h2")
     browser.shoot("graph_20_m")
 
+    assert not browser.run("return document.querySelector(\"[data-task='fls'] details\").open")
+    browser.press("settings")
+    assert browser.run("return document.querySelector(\"[data-task='fls'] details\").open")
     _set(browser, "fls", "range", "12 m")
     browser.wait_for_text("12 m", f"[data-source='{SOURCE}'] h2")
     assert graph.json("inspect", "fls")["properties"]["range"]["value"] == 12.0

@@ -310,9 +310,12 @@ def test_several_sonars_share_a_page(bench):
     assert shown["other.sonar_samples"]["beams"] == 4
 
 
-def test_a_change_of_shape_is_said_and_drawn(bench):
+def test_a_change_of_shape_is_said_and_drawn(bench, caplog):
     bench.show(image(1))
     bench.show(image(2, beams=4, bins=8))
+    bench.show(image(3, beams=4, bins=8))
+    said = [record.getMessage() for record in caplog.records]
+    assert said == ["fls.sonar_samples: shape changed from 8 x 16 to 4 x 8 beams x bins"]
     page = bench.open()
     assert page.hear("image")["beams"] == 4
     status = page.hear("status", pages=1)

@@ -140,17 +140,25 @@ class Board:
         self.lock = threading.Lock()
         self.on_change: Callable[[], None] = lambda: None
 
-    def put(self, source: str, sonar: Sonar) -> None:
-        """Show a sonar's new image; one that cannot be drawn is counted and said."""
+    def put(self, source: str, sonar: Sonar) -> str:
+        """Show a sonar's new image; one that cannot be drawn is counted and said.
+
+        Returns
+        -------
+        str
+            What is newly odd about the stream, to be logged; mostly nothing.
+        """
         now = time.monotonic()
         with self.lock:
             channel = self.channels.setdefault(source, Channel(source))
+            before = channel.notice
             try:
                 channel.take(sonar, now)
             except ValueError as error:
                 channel.invalid += 1
                 channel.say(str(error), now)
         self.on_change()
+        return channel.notice if channel.notice != before else ""
 
     def refuse(self, source: str, reason: str) -> bool:
         """Count an image that cannot be drawn; True if the reason is a new one, to be logged."""

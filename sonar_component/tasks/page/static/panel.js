@@ -17,6 +17,7 @@ const MARKUP = `
     <label title="brightness follows the strongest echoes"><input class="auto" type="checkbox" checked>auto</label>
     <button class="pause">pause</button><button class="step">step</button>
     <button class="png">save PNG</button><button class="raw">save raw</button>
+    <button class="settings" title="range, gain, bins, noise and whatever else this sonar's task can be told">settings</button>
   </div>
   <div class="stage"><canvas class="under"></canvas><canvas class="over"></canvas></div>
   <div class="scale"><span class="low"></span><canvas width="256" height="1"></canvas><span class="high"></span></div>
@@ -38,7 +39,7 @@ export class Panel {
     this.cursor = find(".cursor");
     this.notice = find(".notice");
     this.controls = Object.fromEntries(
-      ["view", "map", "law", "gain", "dynamic", "auto", "pause", "step", "png", "raw"].map((n) => [n, find("." + n)]));
+      ["view", "map", "law", "gain", "dynamic", "auto", "pause", "step", "png", "raw", "settings"].map((n) => [n, find("." + n)]));
     for (const name of Object.keys(colours.maps)) this.controls.map.add(new Option(name, name));
     this.wire();
     new ResizeObserver(() => this.layOut()).observe(this.node);
@@ -46,7 +47,7 @@ export class Panel {
   }
 
   wire() {
-    const { view, map, law, gain, dynamic, auto, pause, step, png, raw } = this.controls;
+    const { view, map, law, gain, dynamic, auto, pause, step, png, raw, settings } = this.controls;
     view.onchange = () => this.layOut();
     for (const control of [map, law, gain, dynamic]) control.oninput = () => this.restyle();
     auto.onchange = () => { this.held = this.image.ceiling; this.restyle(); };
@@ -54,8 +55,17 @@ export class Panel {
     step.onclick = () => this.pause("step");
     png.onclick = () => this.save("png");
     raw.onclick = () => this.save("raw");
+    settings.onclick = () => this.openSettings();
     this.over.onmousemove = (event) => { this.pointer = [event.offsetX, event.offsetY]; this.read(); };
     this.over.onmouseleave = () => { this.pointer = null; this.read(); };
+  }
+
+  // The properties of this sonar's task, in the list of tasks.
+  openSettings() {
+    const task = document.querySelector(`[data-task="${this.source.split(".")[0]}"]`);
+    if (!task) return;
+    task.querySelector("details").open = true;
+    task.scrollIntoView({ behavior: "smooth", block: "start" });
   }
 
   pause(kind) {
