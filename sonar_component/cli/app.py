@@ -10,7 +10,7 @@ import typer
 
 from sonar_component.settings.errors import SettingsError
 
-_GROUPS = ("run", "ports", "tasks", "keys", "ping", "pictures", "emulate", "doctor")
+_GROUPS = ("run", "ports", "tasks", "keys", "ping", "pictures", "emulate", "doctor", "bench")
 _INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 # typer carries click inside from some version on; what both raise for a wrong command line is the base of this.
 _CommandLineError: Any = typer.BadParameter.__mro__[2]

@@ -143,10 +143,11 @@ def build_layout(
     total_rows = int(np.ceil(2 * np.tan(half_height) / np.cos(half) / y_step + shear * (columns - 1) - 1e-9))
     shape = (columns, total_rows, -np.tan(half), 2 * np.tan(half) / columns, y_step, shear)
     views = tuple(View(left - half * (2 * k + 1), half, k * columns, *shape) for k in range(count))
-    return _with_tables(views, total_rows, half_height)
+    return with_tables(views, total_rows, half_height)
 
 
-def _with_tables(views: tuple[View, ...], rows: int, half_height: float) -> Layout:
+def with_tables(views: tuple[View, ...], rows: int, half_height: float) -> Layout:
+    """The layout of these views, each `rows` high, with the exact worth of every cell."""
     right, left, solid_angle, first_row, last_row, first_clip, last_clip = [], [], [], [], [], [], []
     for view in views:
         x = view.column_centres()
