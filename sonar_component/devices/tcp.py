@@ -16,6 +16,7 @@ from sonar_component.devices.link import Arrival, Kind, Peer, parse_address
 
 _STUCK = 10.0  # [s], after which a client that takes nothing is let go
 _AT_ONCE = 1 << 18  # [bytes], read before the device gets its turn
+_WAITING = 128  # [-], clients in the kernel: one more waits for a second until it tries again
 _TURNED_AWAY_AT_ONCE = 64  # [-], clients, before the device gets its turn
 
 
@@ -29,7 +30,7 @@ class TcpServer:
     """
 
     def __init__(self, address: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self._listener = socket.create_server(parse_address(address), backlog=16)
+        self._listener = socket.create_server(parse_address(address), backlog=_WAITING)
         self._listener.setblocking(False)
         self._clock = clock
         self._client: socket.socket | None = None
