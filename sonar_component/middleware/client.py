@@ -25,6 +25,7 @@ from sonar_component.middleware.transport.transport import Transport
 from sonar_component.settings.errors import SettingsError, suggest
 
 T = TypeVar("T")
+_POLICIES = [kind for kind in KINDS if kind != "reliable"]  # that one the deployment has to open at the writer
 _LOOK = 0.05  # [s], between two looks for a task that is not there yet
 Decoder = Callable[[dict[str, Any], list[Any]], Any]
 
@@ -147,8 +148,9 @@ def connect(
     if decoder is None:
         decoder = decode_untyped if cls is None else _typed(cls)
     if isinstance(policy, str):
-        if policy not in KINDS:
-            raise SettingsError(f"policy must be one of {', '.join(KINDS)}, got {policy!r}{suggest(policy, KINDS)}")
+        if policy not in _POLICIES:
+            hint = suggest(policy, _POLICIES)
+            raise SettingsError(f"policy must be one of {', '.join(_POLICIES)}, got {policy!r}{hint}")
         policy = Policy.of(policy, size, init=True)
     return PortReader(name, endpoint, type_name, decoder, policy, timeout)
 

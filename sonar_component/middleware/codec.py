@@ -70,16 +70,16 @@ def encode(sample: Any, envelope: dict[str, Any]) -> list[Any]:
     described: list[list[Any]] = []
     buffers: list[Any] = []
     values = sample.__dict__
-    for name, kind, dtype in schema.plan:
+    for name, kind, dtype, dtype_name in schema.plan:
         value = values[name]
         if kind is not None:
             body[name] = kind(value)
             continue
         array = _contiguous(value, dtype)
         if array.nbytes <= INLINE_BYTES:
-            described.append([name, array.dtype.str, array.shape, array.tobytes()])
+            described.append([name, dtype_name or array.dtype.str, array.shape, array.tobytes()])
         else:
-            described.append([name, array.dtype.str, array.shape])
+            described.append([name, dtype_name or array.dtype.str, array.shape])
             buffers.append(array)
     return [msgpack.packb({**envelope, "body": body, "arr": described}), *buffers]
 
@@ -140,7 +140,7 @@ def decode(schema: Schema, header: dict[str, Any], buffers: Sequence[Any]) -> An
     if not isinstance(body, dict):
         raise WireError(f"header field 'body' must be dict, got {_brief(body)}")
     values: dict[str, Any] = {}
-    for name, kind, dtype in schema.plan:
+    for name, kind, dtype, _ in schema.plan:
         if kind is not None:
             if name in body:
                 value = body[name]

@@ -41,7 +41,7 @@ class Schema:
         time; a minor only adds fields, which older readers skip.
     fields : in the order of the class.
     hash : 16 hexadecimal digits over name, major and fields.
-    plan : for the codec's loop: name, Python type or None for an array, dtype or None for any.
+    plan : for the codec's loop: name, Python type or None for an array, dtype or None for any, its name on the wire.
     """
 
     cls: type
@@ -50,7 +50,7 @@ class Schema:
     minor: int
     fields: tuple[Field, ...]
     hash: str
-    plan: tuple[tuple[str, type | None, np.dtype[Any] | None], ...]
+    plan: tuple[tuple[str, type | None, np.dtype[Any] | None, str], ...]
 
 
 @cache
@@ -67,7 +67,7 @@ def schema_of(cls: type) -> Schema:
     major, minor = getattr(cls, "schema_version", (1, 0))
     text = ";".join([cls.__name__, str(major), *(f"{f.name}:{f.kind}{f.dtype}" for f in fields)])
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    plan = tuple((f.name, _KINDS.get(f.kind), DTYPES.get(f.dtype)) for f in fields)
+    plan = tuple((f.name, _KINDS.get(f.kind), DTYPES.get(f.dtype), f.dtype) for f in fields)
     return Schema(cls, cls.__name__, major, minor, fields, digest, plan)
 
 
