@@ -1,1 +1,1 @@
-
+"""The command ``sonar``, one file per group of verbs."""

@@ -50,7 +50,8 @@ class Sums:
         def join(x: Array) -> Array:
             return np.asarray(x.reshape(len(x) // beams, beams, -1, bins).sum(axis=(1, 3)))
 
-        return Sums(join(self.solid_angle), join(self.energy), join(self.transferred), self.beam.reshape(-1, beams).sum(axis=1))
+        whole_beams = self.beam.reshape(-1, beams).sum(axis=1)
+        return Sums(join(self.solid_angle), join(self.energy), join(self.transferred), whole_beams)
 
     def mean(self) -> Array:
         """I of IMAGE FORMATION: the mean of the transfer over the surface in a bin; 0 where there is none."""
