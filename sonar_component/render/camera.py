@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from sonar_component.gl import load_program, set_uniforms
 from sonar_component.render.geometry import Geometry
-from sonar_component.render.packing import INSTANCE
+from sonar_component.render.packing import instance_format
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
 
 _SHADERS = "sonar_component.render.shaders"
-_OF_INSTANCE = ("in_X_SM_0", "in_X_SM_1", "in_X_SM_2", "in_reflectance")
+_READ = ("X_SM", "reflectance")  # of an instance; only sonars read the rest
 _NEAR = 0.05  # [m]
 _VANISHED = 7.0  # [-] optical lengths: e^-7 is under half a step of 8 bits
 _GAMMA = 1 / 2.2  # [-], linear light to sRGB, near enough for a picture that is looked at
@@ -136,17 +136,15 @@ class Camera:
     def _bound(self) -> moderngl.VertexArray:
         """The world's buffers and the program, bound again whenever the buffers are others."""
         if self._array is None or self._generation != self._geometry.generation:
-            textured = self._geometry.has_normal_maps
-            fields = INSTANCE.fields
-            assert fields is not None
-            skipped = fields["reflectance"][1] - 12 * 4  # bytes of an instance that only sonars read
-            rest = INSTANCE.itemsize - fields["reflectance"][1] - 4
+            g = self._geometry
+            assert g.loaded is not None
+            instanced, of_instance = instance_format(g.columns, _READ)
             content = [
-                (self._geometry.vertices, "3f 3f 8x" if textured else "3f 3f", "in_position", "in_normal"),
-                (self._geometry.instances, f"4f 4f 4f {skipped}x 1f {rest}x/i", *_OF_INSTANCE),
+                (g.loaded.vertices, "3f 3f 8x" if g.textured else "3f 3f", "in_position", "in_normal"),
+                (g.instances, instanced, *of_instance),
             ]
             self._array = self._context.vertex_array(
-                self._scene, content, index_buffer=self._geometry.indices, index_element_size=4
+                self._scene, content, index_buffer=g.loaded.indices, index_element_size=4
             )
             self._generation = self._geometry.generation
         return self._array

@@ -12,12 +12,14 @@ from sonar_component.gl import Target, load_program, set_uniforms
 from sonar_component.render import tiles
 from sonar_component.render.geometry import Geometry
 from sonar_component.render.layout import Layout, View
+from sonar_component.render.packing import instance_format
 
 Array = NDArray[np.float64]
 
 _NEAREST = 1 / 2000  # [-], of the range: depth of 24 bits then parts surfaces that lie 1e-4 of it behind each other
 _DRAWN_BEYOND = 1.25  # [-], of the range: a cell whose centre lies beyond the last bin may still reach into it
 _CLIP_DISTANCE_0 = 0x3000  # GL_CLIP_DISTANCE0, which moderngl does not name
+_NORMAL_UNIT, _REFLECTANCE_UNIT = 0, 1  # where the pictures are bound
 _SHADERS = "sonar_component.render.shaders"
 
 
@@ -109,7 +111,9 @@ class FootprintRenderer:
         wanted = {
             "SIGMOID": optics.sigmoid is not None,
             "ATTENUATION": bool(optics.attenuation),
+            "TEXTURED": self.geometry.textured,
             "NORMAL_MAP": self.geometry.has_normal_maps,
+            "REFLECTANCE_MAP": self.geometry.has_reflectance_maps,
             "TRUTH": optics.truth,
         }
         return {name: 1 for name, on in wanted.items() if on}
@@ -140,8 +144,7 @@ class FootprintRenderer:
             self._set_optics(program.program, optics)
         # Reflectances may have changed with the world.
         set_uniforms(program.program, strength_max=strength_max(optics, self.geometry.reflectance_max))
-        if self.geometry.normal_maps is not None:
-            self.geometry.normal_maps.use(0)
+        self._use_pictures()
         return program.array
 
     def _projection(self, layout: Layout, optics: Optics) -> tuple[Array, NDArray[np.float32]]:
@@ -158,23 +161,29 @@ class FootprintRenderer:
             set_uniforms(program, sigmoid_slope=optics.sigmoid[0], sigmoid_centre=optics.sigmoid[1])
         if optics.attenuation:
             set_uniforms(program, attenuation=optics.attenuation)
-        if self.geometry.normal_maps is not None:
-            set_uniforms(program, normal_maps=0)
+        if self.geometry.has_normal_maps:
+            set_uniforms(program, normal_maps=_NORMAL_UNIT)
+        if self.geometry.has_reflectance_maps:
+            set_uniforms(program, reflectance_maps=_REFLECTANCE_UNIT)
+
+    def _use_pictures(self) -> None:
+        loaded = self.geometry.loaded
+        assert loaded is not None
+        if loaded.normal_maps is not None:
+            loaded.normal_maps.use(_NORMAL_UNIT)
+        if loaded.reflectance_maps is not None:
+            loaded.reflectance_maps.use(_REFLECTANCE_UNIT)
 
     def _bind(self, program: moderngl.Program, optics: Optics) -> moderngl.VertexArray:
+        g = self.geometry
+        assert g.loaded is not None
         layout, names = "3f 3f", ["in_position", "in_normal"]
-        if self.geometry.has_normal_maps:
+        if g.textured:
             layout, names = layout + " 2f", [*names, "in_uv"]
-        instanced = ["4f"] * 7 + ["2f", "1f", "1u" if optics.truth else "4x"]
-        instanced.append("1u" if self.geometry.has_normal_maps else "4x")
-        of_instance = [f"in_X_SM_{row}" for row in range(3)] + [f"in_X_DM_{row}" for row in range(4)]
-        of_instance += ["in_band", "in_reflectance"]
-        of_instance += ["in_id"] * optics.truth + ["in_texture_layer"] * self.geometry.has_normal_maps
-        content = [
-            (self.geometry.vertices, layout, *names),
-            (self.geometry.instances, " ".join(instanced) + "/i", *of_instance),
-        ]
-        return self._context.vertex_array(program, content, index_buffer=self.geometry.indices, index_element_size=4)
+        wanted = [name for name in g.columns.names or () if name != "id" or optics.truth]
+        instanced, of_instance = instance_format(g.columns, wanted)
+        content = [(g.loaded.vertices, layout, *names), (g.instances, instanced, *of_instance)]
+        return self._context.vertex_array(program, content, index_buffer=g.loaded.indices, index_element_size=4)
 
 
 def strength_max(optics: Optics, reflectance_max: float) -> float:

@@ -1,4 +1,4 @@
-"""The world on the GPU: its buffers, its poses, and one list of draws for all views of a fan."""
+"""A world as one sonar draws it: where its parts are, and one list of draws for all views of a fan."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_component.render.packing import COMMAND, INSTANCE, Packed, pack
+from sonar_component.render.loaded import Loaded, give_back, load
+from sonar_component.render.packing import COMMAND, pack
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
@@ -16,10 +17,12 @@ _SPARE = 2  # [-], room for draws in the buffers, relative to what is needed whe
 
 
 class Geometry:
-    """Buffers of a world, made anew when it changes.
+    """A world as one sonar draws it: buffers that it shares with others, and a list of draws of its own.
 
     Attributes
     ----------
+    loaded : Loaded or None
+        None where there is nothing to draw.
     generation : int
         Grows whenever a buffer is another one, so that whoever bound them binds again.
     """
@@ -31,10 +34,8 @@ class Geometry:
         self._packed = pack(World())
         self._X_SM = np.zeros((0, 4, 4))
         self.generation = 0
-        self.vertices: moderngl.Buffer | None = None
-        self.indices: moderngl.Buffer | None = None
+        self.loaded: Loaded | None = None
         self.instances: moderngl.Buffer | None = None
-        self.normal_maps: moderngl.TextureArray | None = None
         self._commands: moderngl.Buffer | None = None
 
     @property
@@ -45,7 +46,22 @@ class Geometry:
     @property
     def has_normal_maps(self) -> bool:
         """Whether any part has one."""
-        return bool(self._packed.normal_maps)
+        return self._packed.has_normal_maps
+
+    @property
+    def has_reflectance_maps(self) -> bool:
+        """Whether any part has one."""
+        return self._packed.has_reflectance_maps
+
+    @property
+    def textured(self) -> bool:
+        """Whether vertices have texture coordinates."""
+        return self.has_normal_maps or self.has_reflectance_maps
+
+    @property
+    def columns(self) -> np.dtype[np.void]:
+        """Of the instances: see ``packing.instance_format``."""
+        return self._packed.instances.dtype
 
     @property
     def reflectance_max(self) -> float:
@@ -61,10 +77,16 @@ class Geometry:
         """Load the world again if its geometry changed."""
         if world is self._world and world.geometry_version == self._version:
             return
-        self.release()
-        self._world, self._version, self._packed = world, world.geometry_version, pack(world)
-        if not self.empty:
-            self._upload(self._packed)
+        loaded = load(self._context, world)
+        if loaded is self.loaded and loaded is not None:
+            give_back(self._context, loaded)  # counted twice: only what does not reach the buffers has changed
+        else:
+            self.release()
+            self.loaded = loaded
+            self._packed = loaded.packed if loaded is not None else pack(World())
+            if loaded is not None:
+                self._reserve(_SPARE * len(self._packed.commands))
+        self._world, self._version = world, world.geometry_version
 
     def place(self, X_WS: Array) -> Array:
         """Bring all parts into the sonar's frame.
@@ -121,22 +143,17 @@ class Geometry:
             if buffer is not None:
                 buffer.release()
         self._commands = self._context.buffer(reserve=draws * COMMAND.itemsize, dynamic=True)
-        self.instances = self._context.buffer(reserve=draws * INSTANCE.itemsize, dynamic=True)
+        self.instances = self._context.buffer(reserve=draws * self.columns.itemsize, dynamic=True)
         self.generation += 1
-
-    def _upload(self, packed: Packed) -> None:
-        self.vertices = self._context.buffer(packed.vertices)
-        self.indices = self._context.buffer(packed.indices)
-        self._reserve(_SPARE * len(packed.commands))
-        if packed.normal_maps:
-            self.normal_maps = _texture_array(self._context, packed.normal_maps)
 
     def release(self) -> None:
         """Give the GPU memory back."""
-        for thing in (self.vertices, self.indices, self.instances, self._commands, self.normal_maps):
+        if self.loaded is not None:
+            give_back(self._context, self.loaded)
+        for thing in (self.instances, self._commands):
             if thing is not None:
                 thing.release()
-        self.vertices = self.indices = self.instances = self._commands = self.normal_maps = None
+        self.loaded = self.instances = self._commands = self._world = None
 
 
 def _relative(X_WS: Array, X_WB: Array) -> Array:
@@ -152,22 +169,3 @@ def _relative(X_WS: Array, X_WB: Array) -> Array:
     X_SB[:, :3, 3] = difference @ R_SW.T
     X_SB[:, 3, 3] = 1.0
     return X_SB
-
-
-def _texture_array(context: moderngl.Context, maps: list[NDArray[np.uint8]]) -> moderngl.TextureArray:
-    """All normal maps at the size of the largest, wrapped, with mipmaps."""
-    height, width = (max(image.shape[axis] for image in maps) for axis in (0, 1))
-    layers = [_resized(image, height, width)[::-1] for image in maps]  # OpenGL's first row is the lowest
-    data = np.ascontiguousarray(np.stack(layers)).tobytes()
-    texture = context.texture_array((width, height, len(maps)), 3, data, alignment=1)
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    texture.build_mipmaps()
-    return texture
-
-
-def _resized(image: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
-    if image.shape[:2] == (height, width):
-        return image
-    from PIL import Image
-
-    return np.asarray(Image.fromarray(image).resize((width, height), Image.Resampling.BILINEAR))

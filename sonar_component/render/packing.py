@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.render import tiles
+from sonar_component.scene.body import Part
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
 
-INSTANCE = np.dtype(
-    [
-        ("X_SM", np.float32, (3, 4)),  # pose of the part in the sonar's frame [m]
-        ("X_DM", np.float32, (4, 4)),  # the part's frame to the clip space of one view
-        ("band", np.float32, (2,)),  # first column and number of columns of that view
-        ("reflectance", np.float32),
-        ("id", np.uint32),  # of its body, from 1
-        ("texture_layer", np.uint32),  # of its normal map, from 1; 0 is none
-    ]
+_ALWAYS = (
+    ("X_SM", np.float32, (3, 4)),  # pose of the part in the sonar's frame [m]
+    ("X_DM", np.float32, (4, 4)),  # the part's frame to the clip space of one view
+    ("band", np.float32, (2,)),  # first column and number of columns of that view
+    ("reflectance", np.float32),
+    ("id", np.uint32),  # of its body, from 1
 )
+_NORMAL_LAYER = ("normal_layer", np.uint32)  # of its normal map, from 1; 0 is none
+_REFLECTANCE_LAYER = ("reflectance_layer", np.uint32)  # the same of its reflectance map
 COMMAND = np.dtype(
     [(name, np.uint32) for name in ("count", "instances", "first_index", "base_vertex", "base_instance")]
 )
@@ -37,10 +37,11 @@ class Packed:
     Attributes
     ----------
     vertices : (n, 6 or 8) float32
-        Position [m] and normal in the part's frame M; texture coordinates if any part has a normal map.
+        Position [m] and normal in the part's frame M; texture coordinates if any part has a picture.
     indices : (m,) uint32
         Corners of triangles, tile by tile, counted from the first vertex of their mesh.
     normal_maps : list of (h, w, 3) uint8
+    reflectance_maps : list of (h, w) uint8
     part_body : (parts,) int
         Index of each part's body.
     X_BM : (parts, 4, 4) float64 [m]
@@ -48,13 +49,14 @@ class Packed:
         Index of each tile's part.
     tile_centre, tile_radius : (tiles, 3), (tiles,) float64
         Bounding spheres in M [m].
-    instances : (tiles,) INSTANCE, without poses
+    instances : (tiles,) of ``instance_type``, without poses
     commands : (tiles,) COMMAND, without base_instance
     """
 
     vertices: NDArray[np.float32]
     indices: NDArray[np.uint32]
     normal_maps: list[NDArray[np.uint8]]
+    reflectance_maps: list[NDArray[np.uint8]]
     part_body: NDArray[np.intp]
     X_BM: Array
     tile_part: NDArray[np.intp]
@@ -62,6 +64,21 @@ class Packed:
     tile_radius: Array
     instances: NDArray[np.void]
     commands: NDArray[np.void]
+
+    @property
+    def has_normal_maps(self) -> bool:
+        """Whether any part has one."""
+        return "normal_layer" in (self.instances.dtype.names or ())
+
+    @property
+    def has_reflectance_maps(self) -> bool:
+        """Whether any part has one."""
+        return "reflectance_layer" in (self.instances.dtype.names or ())
+
+    def without_bulk(self) -> Packed:
+        """What a renderer still needs once vertices, corners and pictures are in its own memory."""
+        vertices, indices = self.vertices[:0].copy(), self.indices[:0].copy()
+        return replace(self, vertices=vertices, indices=indices, normal_maps=[], reflectance_maps=[])
 
 
 @dataclass(frozen=True)
@@ -78,31 +95,68 @@ def pack(world: World) -> Packed:
     meshes = list({id(part.mesh): part.mesh for _, part in parts}.values())
     indices: list[NDArray[np.int32]] = []
     of_mesh = _pack_meshes(meshes, indices)
-    maps: dict[int, tuple[int, NDArray[np.uint8]]] = {}
+    normal_maps, normal_layers = _layers([(part, part.material.normal_map) for _, part in parts])
+    reflectance_maps, reflectance_layers = _layers([(part, part.material.reflectance_map) for _, part in parts])
+    columns = instance_type(bool(normal_maps), bool(reflectance_maps))
     instances, commands, tile_part = [], [], []
     for number, (body, part) in enumerate(parts):
         tiled = of_mesh[id(part.mesh)]
-        image, layer = part.material.normal_map, 0
-        if image is not None and part.mesh.uv is not None:
-            layer, _ = maps.setdefault(id(image), (len(maps) + 1, image))
-        instance = np.zeros(len(tiled.commands), INSTANCE)
-        instance["reflectance"], instance["id"], instance["texture_layer"] = part.material.reflectance, body + 1, layer
+        instance = np.zeros(len(tiled.commands), columns)
+        instance["reflectance"], instance["id"] = part.material.reflectance, body + 1
+        if normal_maps:
+            instance["normal_layer"] = normal_layers[number]
+        if reflectance_maps:
+            instance["reflectance_layer"] = reflectance_layers[number]
         instances.append(instance)
         commands.append(tiled.commands)
         tile_part += [number] * len(tiled.commands)
     spheres = [of_mesh[id(part.mesh)] for _, part in parts]
     return Packed(
-        vertices=_vertices(meshes, bool(maps)),
+        vertices=_vertices(meshes, bool(normal_maps or reflectance_maps)),
         indices=_joined(indices, np.uint32, ()),
-        normal_maps=[image for _, image in maps.values()],
+        normal_maps=normal_maps,
+        reflectance_maps=reflectance_maps,
         part_body=np.array([body for body, _ in parts], np.intp),
         X_BM=np.array([part.X_BM for _, part in parts], np.float64).reshape(-1, 4, 4),
         tile_part=np.array(tile_part, np.intp),
         tile_centre=_joined([s.centres for s in spheres], np.float64, (3,)),
         tile_radius=_joined([s.radii for s in spheres], np.float64, ()),
-        instances=_joined(instances, INSTANCE, ()),
+        instances=_joined(instances, columns, ()),
         commands=_joined(commands, COMMAND, ()),
     )
+
+
+def instance_type(normal_maps: bool, reflectance_maps: bool) -> np.dtype[np.void]:
+    """Columns of an instance: only those that the world needs."""
+    return np.dtype([*_ALWAYS, *[_NORMAL_LAYER] * normal_maps, *[_REFLECTANCE_LAYER] * reflectance_maps])
+
+
+def instance_format(columns: np.dtype[np.void], wanted: Collection[str]) -> tuple[str, list[str]]:
+    """How moderngl binds instances: its format of the columns, and the attributes of a shader that reads `wanted`.
+
+    A matrix comes as one attribute for each row: ``in_X_SM_0``, ``in_X_SM_1``...
+    """
+    assert columns.fields is not None
+    words, attributes = [], []
+    for name, (column, *_) in columns.fields.items():
+        rows, width = column.shape if len(column.shape) == 2 else (1, *column.shape, 1)[:2]
+        if name not in wanted:
+            words.append(f"{column.itemsize}x")
+            continue
+        kind = "u" if column.base == np.uint32 else "f"
+        words += [f"{width}{kind}"] * rows
+        attributes += [f"in_{name}"] if rows == 1 else [f"in_{name}_{row}" for row in range(rows)]
+    return " ".join(words) + "/i", attributes
+
+
+def _layers(of_parts: list[tuple[Part, NDArray[np.uint8] | None]]) -> tuple[list[NDArray[np.uint8]], list[int]]:
+    """Distinct pictures, and for each part the place of its own, from 1; 0 where it has none."""
+    found: dict[int, tuple[int, NDArray[np.uint8]]] = {}
+    layers = []
+    for part, image in of_parts:
+        usable = image is not None and part.mesh.uv is not None
+        layers.append(found.setdefault(id(image), (len(found) + 1, image))[0] if usable and image is not None else 0)
+    return [image for _, image in found.values()], layers
 
 
 def _pack_meshes(meshes: list[Mesh], indices: list[NDArray[np.int32]]) -> dict[int, _MeshTiles]:

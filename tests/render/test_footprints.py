@@ -285,12 +285,14 @@ def test_a_mesh_without_texture_coordinates_has_its_relief_all_the_same(draw: Dr
     assert np.abs(made[0] - flat[0])[inside].mean() > 0.1
 
 
-@pytest.mark.parametrize("feature", ["SIGMOID", "ATTENUATION", "NORMAL_MAP", "TRUTH"])
+@pytest.mark.parametrize("feature", ["SIGMOID", "ATTENUATION", "TEXTURED", "NORMAL_MAP", "REFLECTANCE_MAP", "TRUTH"])
 def test_code_of_a_feature_not_in_use_is_not_in_the_source(feature: str) -> None:
     words = {
         "SIGMOID": ["sigmoid"],
         "ATTENUATION": ["attenuation"],
-        "NORMAL_MAP": ["normal_map", "sampler", "texture", r"\buv\b"],
+        "TEXTURED": [r"in vec2 uv", "in_uv"],
+        "NORMAL_MAP": ["normal_map", "normal_layer"],
+        "REFLECTANCE_MAP": ["reflectance_map", "reflectance_layer"],
         "TRUTH": ["body_id", "in_id", "uvec4"],
     }
     every = dict.fromkeys(words, 1)
@@ -303,15 +305,14 @@ def test_code_of_a_feature_not_in_use_is_not_in_the_source(feature: str) -> None
 def test_what_is_not_in_use_has_no_texture_and_no_buffer(renderer: FootprintRenderer) -> None:
     assert renderer.features(PLAIN) == {}
     renderer.geometry.update(World())
-    assert renderer.geometry.vertices is None
+    assert renderer.geometry.loaded is None
     renderer.geometry.update(world(sphere(1.0)))
-    assert renderer.geometry.normal_maps is None
-    assert renderer.geometry.vertices is not None
-    assert renderer.geometry.vertices.size == 24 * len(sphere(1.0).vertices)  # position and normal only
+    assert renderer.geometry.loaded.normal_maps is renderer.geometry.loaded.reflectance_maps is None
+    assert renderer.geometry.loaded.vertices.size == 24 * len(sphere(1.0).vertices)  # position and normal only
     renderer.geometry.update(world(sphere(1.0), material=relief(0, 0, 1)))
-    assert renderer.features(PLAIN) == {"NORMAL_MAP": 1}
+    assert renderer.features(PLAIN) == {"TEXTURED": 1, "NORMAL_MAP": 1}
     renderer.geometry.update(world(sphere(1.0)))
-    assert renderer.geometry.normal_maps is None
+    assert renderer.geometry.loaded.normal_maps is None
 
 
 def test_an_empty_world_and_one_out_of_sight_draw_nothing(draw: Draw) -> None:

@@ -71,7 +71,7 @@ def test_texture_coordinates_are_stored_only_if_a_part_has_a_normal_map() -> Non
     assert pack(World([placed("a", plain(with_uv))])).vertices.shape[1] == 6
     both = pack(World([placed("a", plain(with_uv)), placed("b", Part(with_uv, relief, np.eye(4)))]))
     assert both.vertices.shape[1] == 8
-    assert sorted(set(both.instances["texture_layer"].tolist())) == [0, 1]
+    assert sorted(set(both.instances["normal_layer"].tolist())) == [0, 1]
     assert len(both.normal_maps) == 1
 
 

@@ -22,26 +22,38 @@ flat in float reflectance;
 #ifdef TRUTH
 flat in uint body_id;
 #endif
-#ifdef NORMAL_MAP
+#ifdef TEXTURED
 in vec2 uv;
-flat in uint texture_layer;
+#endif
+#ifdef REFLECTANCE_MAP
+flat in uint reflectance_layer;  // from 1; 0 is none
+uniform sampler2DArray reflectance_maps;
+#endif
+#ifdef NORMAL_MAP
+flat in uint normal_layer;  // from 1; 0 is none
 uniform sampler2DArray normal_maps;
 
 // Tangent frame from the derivatives of position and texture coordinates: right for mirrored ones too, needs no
-// tangents in the mesh, and leaves the normal alone where the coordinates do not span the surface.
+// tangents in the mesh, and leaves the normal alone where the coordinates do not span the surface. As MikkTSpace, for
+// which tools make their pictures: the tangent runs along u, both are unit and square to the normal.
 vec3 perturbed(vec3 normal) {
+    if (normal_layer == 0u) return normal;
+    vec3 relief = texture(normal_maps, vec3(uv, float(normal_layer) - 1.0)).xyz * (255.0 / 127.0) - 128.0 / 127.0;
     vec3 dx = dFdx(p_S), dy = dFdy(p_S);
     vec2 du = dFdx(uv), dv = dFdy(uv);
-    // The target's axes run up and to the right, so cross(dx, dy) points away from the sonar: turn the normal the same
-    // way. Else bumps would be dents, and which is which would depend on the winding.
-    if (dot(cross(dx, dy), normal) < 0.0) normal = -normal;
-    vec3 across_y = cross(dy, normal), across_x = cross(normal, dx);
-    vec3 tangent = across_y * du.x + across_x * dv.x;
-    vec3 bitangent = across_y * du.y + across_x * dv.y;
-    float size = max(dot(tangent, tangent), dot(bitangent, bitangent));
-    if (texture_layer == 0u || !(size > 0.0)) return normal;
-    vec3 relief = texture(normal_maps, vec3(uv, float(texture_layer) - 1.0)).xyz * 2.0 - 1.0;
-    return normalize(mat3(tangent * inversesqrt(size), bitangent * inversesqrt(size), -normal) * relief);
+    // The target's axes run up and to the right, so away points away from the sonar; the normal is turned towards it.
+    // Else bumps would be dents, and which is which would depend on the winding.
+    vec3 away = dot(cross(dx, dy), normal) < 0.0 ? -normal : normal;
+    normal = -away;
+    vec3 across_y = cross(dy, away), across_x = cross(away, dx);
+    vec3 grows_u = across_y * du.x + across_x * dv.x;  // gradients of u and v along the surface, times one factor
+    vec3 grows_v = across_y * du.y + across_x * dv.y;
+    vec3 tangent = cross(grows_v, normal);  // v does not change along it
+    float mirrored = dot(tangent, grows_u) < 0.0 ? -1.0 : 1.0;
+    float size = dot(tangent, tangent) * dot(grows_u, grows_u);
+    if (!(size > 0.0)) return normal;
+    tangent *= mirrored * inversesqrt(dot(tangent, tangent));
+    return normalize(mat3(tangent, mirrored * cross(normal, tangent), normal) * relief);
 }
 #endif
 
@@ -61,6 +73,10 @@ void main() {
 #endif
     // Two-sided: a surface answers alike whichever way its triangles are wound.
     float strength = abs(dot(normal, p_S)) / range * reflectance;
+#ifdef REFLECTANCE_MAP
+    if (reflectance_layer != 0u)
+        strength *= texture(reflectance_maps, vec3(uv, float(reflectance_layer) - 1.0)).x;
+#endif
 #ifdef ATTENUATION
     strength *= exp(-2.0 * attenuation * range);
 #endif

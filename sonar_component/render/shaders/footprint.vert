@@ -28,11 +28,17 @@ flat out float reflectance;
 #ifdef TRUTH
 flat out uint body_id;
 #endif
-#ifdef NORMAL_MAP
+#ifdef TEXTURED
 in vec2 in_uv;
-in uint in_texture_layer;  // of its maps, from 1; 0 is none
 out vec2 uv;
-flat out uint texture_layer;
+#endif
+#ifdef NORMAL_MAP
+in uint in_normal_layer;  // from 1; 0 is none
+flat out uint normal_layer;
+#endif
+#ifdef REFLECTANCE_MAP
+in uint in_reflectance_layer;  // from 1; 0 is none
+flat out uint reflectance_layer;
 #endif
 
 void main() {
@@ -43,9 +49,14 @@ void main() {
 #ifdef TRUTH
     body_id = in_id;
 #endif
-#ifdef NORMAL_MAP
+#ifdef TEXTURED
     uv = in_uv;
-    texture_layer = in_texture_layer;
+#endif
+#ifdef NORMAL_MAP
+    normal_layer = in_normal_layer;
+#endif
+#ifdef REFLECTANCE_MAP
+    reflectance_layer = in_reflectance_layer;
 #endif
     gl_Position = vec4(dot(in_X_DM_0, p_M), dot(in_X_DM_1, p_M), dot(in_X_DM_2, p_M), dot(in_X_DM_3, p_M));
     float column = (gl_Position.y + gl_Position.w) * 0.5 * column_count - in_band.x * gl_Position.w;
