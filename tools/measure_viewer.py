@@ -127,6 +127,7 @@ def main() -> None:
     parser.add_argument("--deployment", type=Path)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
+        os.environ["SONAR_RUN_DIR"] = folder  # whatever else runs on this machine is another graph
         file = given.deployment
         if file is None:
             file = Path(folder) / "measure_viewer.yaml"
