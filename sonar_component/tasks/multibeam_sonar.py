@@ -23,18 +23,19 @@ class MultibeamSonarTask(SonarTask):
     dynamic = frozenset(MultibeamSonarProperties.model_fields) - FIXED
 
     def configure_hook(self) -> bool | None:
-        """Open a GL context on this task's thread and compile nothing yet: that depends on the scene."""
+        """Open or join the process's GL context and compile nothing yet: that depends on the scene."""
         # Compilers and mesh readers take a second to import; `sonar check` has no use for them.
         from sonar_component.sonars.forward_looking import ForwardLookingSonar
 
         reason = self.begin()
         if reason:
             return self.refuse(reason)
-        context = self.open_context()
-        if context is None:
+        gl = self.open_gl()
+        if gl is None:
             return False
-        self._context = context
-        self._sonar = ForwardLookingSonar(context, self._settings())
+        self._gl = gl
+        with gl as context:
+            self._sonar = ForwardLookingSonar(context, self._settings())
         return True
 
     def update_hook(self) -> None:
@@ -43,16 +44,20 @@ class MultibeamSonarTask(SonarTask):
         pose = self.sonar_pose_cmd.read_new()
         if pose is None or world is None or not self.wanted():
             return
-        sample = self._sonar.ping(world, self.own_pose(pose), self._rng)
+        with self._gl:
+            sample = self._sonar.ping(world, self.own_pose(pose), self._rng)
+            wanted = self.properties.write_shader_image and self.shader_image.connected()
+            image = self._sonar.shader_image(pose.time) if wanted else None
         self.sonar_samples.write(sample)
-        if self.properties.write_shader_image and self.shader_image.connected():
-            self.shader_image.write(self._sonar.shader_image(pose.time))
+        if image is not None:
+            self.shader_image.write(image)
         self.note("", "; ".join(self._sonar.remarks(sample)))
 
     def cleanup_hook(self) -> None:
         """Give the GL context back."""
-        self._sonar.release()
-        self._context.release()
+        with self._gl:
+            self._sonar.release()
+        self._gl.release()
 
     def property_hook(self, name: str, value: Any) -> None:
         """Take a changed property into force from the next ping on."""

@@ -53,18 +53,19 @@ class ScanningSonarTask(SonarTask):
     )
 
     def configure_hook(self) -> bool | None:
-        """Open a GL context on this task's thread and compile nothing yet: that depends on the scene."""
+        """Open or join the process's GL context and compile nothing yet: that depends on the scene."""
         # Compilers and mesh readers take a second to import; `sonar check` has no use for them.
         from sonar_component.sonars.scanning import ScanningSonar
 
         reason = self.begin()
         if reason:
             return self.refuse(reason)
-        context = self.open_context()
-        if context is None:
+        gl = self.open_gl()
+        if gl is None:
             return False
-        self._context = context
-        self._sonar = ScanningSonar(context, self._settings())
+        self._gl = gl
+        with gl as context:
+            self._sonar = ScanningSonar(context, self._settings())
         self._new_scan()
         return True
 
@@ -91,8 +92,9 @@ class ScanningSonarTask(SonarTask):
 
     def cleanup_hook(self) -> None:
         """Give the GL context back."""
-        self._sonar.release()
-        self._context.release()
+        with self._gl:
+            self._sonar.release()
+        self._gl.release()
 
     def property_hook(self, name: str, value: Any) -> None:
         """Take a changed property into force from the next ping on."""
@@ -175,11 +177,14 @@ class ScanningSonarTask(SonarTask):
             vehicle = self._track.at(time)
             if vehicle.time != time:  # a lone pose: the vehicle is where it was
                 vehicle = _at_time(vehicle, time)
-            sample = self._sonar.ping(world, self.own_pose(vehicle), self._rng)
+            with self._gl:
+                sample = self._sonar.ping(world, self.own_pose(vehicle), self._rng)
+                wanted = self.properties.write_shader_image and self.shader_image.connected()
+                image = self._sonar.shader_image(time) if wanted else None
             self.sonar_samples.write(sample)
             self._scan.add(head.place, sample)
-            if self.properties.write_shader_image and self.shader_image.connected():
-                self.shader_image.write(self._sonar.shader_image(time))
+            if image is not None:
+                self.shader_image.write(image)
             self._write_scan(time, head.advance())
         else:
             head.advance()

@@ -1,4 +1,4 @@
-"""What every simulated sonar's task has: a GL context of its own, the world, and a place on a vehicle."""
+"""What every simulated sonar's task has: a turn at its process's GL context, the world, and a place on a vehicle."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sonar_component.settings.errors import SettingsError
 from sonar_component.tasks.mount import Mount, MountProperties, find_mount
 
 if TYPE_CHECKING:
-    from sonar_component.gl import Context
+    from sonar_component.gl import SharedContext
     from sonar_component.scene.world import World
 
 NO_SCENE = "NO_SCENE"
@@ -74,12 +74,12 @@ class SonarTask(Task):
                 return [("mount", str(error))]
         return []
 
-    def open_context(self) -> Context | None:
-        """A GL context on this task's thread; None after refusing where there is none."""
-        from sonar_component.gl import GLUnavailableError, create_context
+    def open_gl(self) -> SharedContext | None:
+        """The GL context that this process's sonars share; None after refusing where there is none."""
+        from sonar_component.gl import GLUnavailableError, share_context
 
         try:
-            return create_context(self.properties.device, self.properties.driver)
+            return share_context(self.properties.device, self.properties.driver)
         except GLUnavailableError as error:
             self.refuse(str(error))
             return None
