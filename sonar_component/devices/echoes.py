@@ -23,6 +23,7 @@ from sonar_component.sonars.settings import ForwardLookingSettings, SonarSetting
 if TYPE_CHECKING:
     from sonar_component.scene.world import World
 
+_PATIENCE = 1.0  # [s], of whoever ends the thread: a task has to stop within 1.5
 _UNSEEN = object()  # marks pings that nobody waits for
 _ORIGIN = RigidBodyState(position=np.zeros(3), orientation=np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -88,6 +89,7 @@ class EchoSource:
         self._results: queue.SimpleQueue[tuple[PingOrder, Sonar]] = queue.SimpleQueue()
         self._ready = threading.Event()
         self._failure: Exception | None = None
+        self._ending = False
         self.failed = 0
         self._thread = threading.Thread(target=self._run, name="echoes", daemon=True)
 
@@ -105,9 +107,10 @@ class EchoSource:
             raise self._failure
 
     def stop(self) -> None:
-        """End the thread."""
+        """End the thread; one that is still choosing samples is left to end by itself."""
+        self._ending = True
         self._orders.put(None)
-        self._thread.join()
+        self._thread.join(_PATIENCE)
 
     @property
     def world(self) -> World | None:
@@ -147,7 +150,7 @@ class EchoSource:
             return
         finally:
             self._ready.set()
-        while (order := self._orders.get()) is not None:
+        while (order := self._orders.get()) is not None and not self._ending:
             sample = self._render(imager, order)
             if order.note is not _UNSEEN:
                 self._results.put((order, sample))
@@ -176,6 +179,8 @@ class EchoSource:
                 world.apply_poses(poses)
             return imager.ping(order, world, pose)
         except Exception:
+            if order.note is _UNSEEN:
+                return nothing(order)  # the ping that a client waits for will fail too, and be told
             # A client waits for this reply: silence would look like a broken wire.
             self.failed += 1
             self._log.exception("a ping failed; its echoes are empty")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo
 
 from sonar_component.devices.link import Outgoing, is_local
 from sonar_component.devices.station import Station, Timing
@@ -18,6 +18,16 @@ NO_SCENE = "NO_SCENE"
 NO_POSE = "NO_POSE"
 
 
+def _address(text: str, info: ValidationInfo) -> str:
+    if text and not is_local(text) and not info.data.get("allow_remote"):
+        raise ValueError(f"must be at 127.0.0.1, or allow_remote must be true as well, got {text!r}")
+    return text
+
+
+# HOST:PORT, or empty for none; stands after allow_remote in its model, which decides what is allowed.
+Address = Annotated[str, AfterValidator(_address)]
+
+
 class EndpointProperties(BaseModel):
     """What every endpoint has beside its sonar."""
 
@@ -27,19 +37,6 @@ class EndpointProperties(BaseModel):
     def addresses(cls) -> tuple[str, ...]:
         """Names of the properties that are addresses; an empty one is switched off."""
         return ()
-
-    @model_validator(mode="after")
-    def _remote_is_meant(self) -> EndpointProperties:
-        for name in self.addresses():
-            text = getattr(self, name)
-            try:
-                local = not text or is_local(text)
-            except ValueError as error:
-                raise ValueError(f"{name} {error}") from None
-            if not (local or self.allow_remote):
-                allowed = "127.0.0.1, or allow_remote must be true as well"
-                raise ValueError(f"{name} must be at {allowed}, got {text!r}")
-        return self
 
     def remote(self) -> list[str]:
         """Addresses that other computers can reach or be reached at, as ``name HOST:PORT``."""

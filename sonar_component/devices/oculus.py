@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 
 from pydantic import Field
 
-from sonar_component.devices.endpoint import DeviceEndpoint, EndpointProperties, opened
+from sonar_component.devices.endpoint import Address, DeviceEndpoint, EndpointProperties, opened
 from sonar_component.devices.link import Arrival, Outgoing, Peer, parse_address
 from sonar_component.devices.oculus_head import Mode, Model, OculusHead
 from sonar_component.devices.oculus_log import file_header, item
@@ -35,8 +35,8 @@ class OculusProperties(EndpointProperties, ForwardLookingSettings):
     bin_count: int = Field(500, ge=1, le=4096)
     enable_attenuation: bool = True
     attenuation_properties: AttenuationProperties = AttenuationProperties(frequency=1e6, salinity=35.0)
-    tcp: str = Field("127.0.0.1:52100", description="HOST:PORT to serve; clients expect port 52100")
-    status_to: str = Field("127.0.0.1:52102", description="HOST:PORT to tell the status to, by UDP; empty: nobody")
+    tcp: Address = Field("127.0.0.1:52100", min_length=1, description="HOST:PORT to serve; clients expect port 52100")
+    status_to: Address = Field("127.0.0.1:52102", description="HOST:PORT to tell the status to, by UDP; empty: nobody")
     log: str = Field("", description="file for a log of all pings, .oculus version 1; empty: none")
     overhead: Duration = Field(5e-3, ge=0, le=1, description="from the last echo to the message")
     low_frequency: Frequency = Field(1.2e6, gt=0)

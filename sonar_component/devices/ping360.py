@@ -8,7 +8,7 @@ from functools import partial
 
 from pydantic import Field, field_validator, model_validator
 
-from sonar_component.devices.endpoint import DeviceEndpoint, EndpointProperties, opened
+from sonar_component.devices.endpoint import Address, DeviceEndpoint, EndpointProperties, opened
 from sonar_component.devices.link import Arrival, Outgoing
 from sonar_component.devices.ping360_discovery import DISCOVERY_PORT, answer
 from sonar_component.devices.ping360_head import Ping360Head, Ping360Timing
@@ -34,9 +34,9 @@ class Ping360Properties(EndpointProperties, ScanningSettings):
     beam_height: Angle = 25 * _DEG
     enable_attenuation: bool = True
     attenuation_properties: AttenuationProperties = AttenuationProperties(frequency=740e3, salinity=35.0)
-    udp: str = Field("127.0.0.1:12345", description="HOST:PORT to serve; empty: none")
+    udp: Address = Field("127.0.0.1:12345", description="HOST:PORT to serve; empty: none")
     pty: str = Field("", description="name of a serial line to make; empty: none")
-    discovery: str = Field(f"127.0.0.1:{DISCOVERY_PORT}", description="HOST:PORT of discovery by UDP; empty: none")
+    discovery: Address = Field(f"127.0.0.1:{DISCOVERY_PORT}", description="HOST:PORT of discovery by UDP; empty: none")
     overhead: Duration = Field(20e-3, ge=0, le=1, description="of each ping, beside its samples")
     motor_step: Angle = 0.9 * _DEG
     motor_step_time: Duration = Field(6e-3, ge=0, le=0.1, description="of each gradian that the motor goes beyond one")
