@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,6 +23,8 @@ from sonar_component.samples import Frame
 from sonar_component.scene.world import World
 from sonar_component.sonars.plan import START, Plan, choose_level, highest_level, plan_at
 from sonar_component.sonars.settings import SonarSettings
+
+Pose = NDArray[np.float64]  # (4, 4) [m]
 
 _PLANNED_FOR = ("range", "min_range", "bin_count", "accuracy", "enable_attenuation", "attenuation_properties")
 _LOOK_AGAIN = 256  # [images], until the plan is checked against the scene as it is seen then
@@ -46,9 +49,21 @@ class FanImager:
     """Renders clean images; keeps its GL program, target and tables between them.
 
     Use it on the thread that made the context. Call ``adopt`` to change settings or beams from the next image on.
+
+    Parameters
+    ----------
+    plan_poses : function of the pose of an image -> poses
+        From where the samples are planned: a beam that turns must not be planned for the one direction it looks in.
     """
 
-    def __init__(self, context: Context, settings: SonarSettings, beams: BeamTable) -> None:
+    def __init__(
+        self,
+        context: Context,
+        settings: SonarSettings,
+        beams: BeamTable,
+        plan_poses: Callable[[Pose], Sequence[Pose]] = lambda X_WS: (X_WS,),
+    ) -> None:
+        self._plan_poses = plan_poses
         self._context, self._software = context, is_software(context)
         self._renderer = FootprintRenderer(context)
         self._level, self._due = START, 0
@@ -80,7 +95,7 @@ class FanImager:
         (beams, bins) float32
         """
         self._plan_if_due(world, X_WS)
-        return self._image(world, X_WS, self._tables[self._level], self._settings.normalization == "mean")
+        return self._image(world, X_WS, self._table(self._level), self._settings.normalization == "mean")
 
     def _image(self, world: World, X_WS: NDArray[np.float64], tables: _Tables, mean: bool) -> NDArray[np.float32]:
         target, scale = self._draw(world, X_WS, tables, self._optics(mean), mean)
@@ -96,12 +111,15 @@ class FanImager:
             return
         start = self._level if geometry == self._planned_for else START
         self._planned_for, self._due = geometry, _LOOK_AGAIN
+        poses = self._plan_poses(X_WS)
         self._level, self.estimated_error = choose_level(
-            lambda level: self._image(world, X_WS, self._table(level), mean=False),
+            lambda level: np.concatenate([self._image(world, X, self._table(level), mean=False) for X in poses]),
             self._settings.accuracy,
             highest_level(self.beams),
             start,
         )
+        if self.estimated_error == 0.0:  # nothing was seen, which is no reason to look less closely
+            self._level = min(START, highest_level(self.beams))
 
     def _table(self, level: int) -> _Tables:
         if level not in self._tables:
@@ -114,7 +132,7 @@ class FanImager:
     def truth(self, world: World, X_WS: NDArray[np.float64]) -> Truth:
         """What stands behind each bin of the image from that pose."""
         self._plan_if_due(world, X_WS)
-        tables, mean = self._tables[self._level], self._settings.normalization == "mean"
+        tables, mean = self._table(self._level), self._settings.normalization == "mean"
         target, scale = self._draw(world, X_WS, tables, replace(self._optics(mean), truth=True), mean)
         pixels = target.read()
         _, weight = bin_footprints(

@@ -18,6 +18,7 @@ from sonar_component.sonars.receiver import Receiver
 from sonar_component.sonars.scan_head import ScanHead, wrapped
 from sonar_component.sonars.scanning_settings import ScanningSettings
 
+_DIRECTIONS = 16  # [-], in which the scene is looked at when samples are planned: 20 ms every few hundred pings
 _UP = np.array([0.0, 0.0, 1.0])  # the head's axis, in the frame of its base
 
 
@@ -34,9 +35,10 @@ class ScanningSonar:
 
     def __init__(self, context: Context, settings: ScanningSettings | None = None) -> None:
         self._settings = settings or ScanningSettings()
-        self._imager = FanImager(context, self._settings, self._settings.beam_table())
+        self._imager = FanImager(context, self._settings, self._settings.beam_table(), self._all_round)
         self._receiver = Receiver(self._settings)
         self.head = ScanHead(self._settings)
+        self._looks_at = 0.0
 
     @property
     def settings(self) -> ScanningSettings:
@@ -78,7 +80,7 @@ class ScanningSonar:
         """
         pose.validate()
         bearing = self.head.bearing if bearing is None else wrapped(bearing)
-        looking = self._turned(pose, bearing)
+        looking, self._looks_at = self._turned(pose, bearing), bearing
         if self._settings.in_ping_motion:
             bins = self._moving(world, looking)
         else:
@@ -90,6 +92,7 @@ class ScanningSonar:
         """What stands behind each bin of the ping from that pose."""
         pose.validate()
         bearing = self.head.bearing if bearing is None else bearing
+        self._looks_at = bearing
         return self._imager.truth(world, self._turned(pose, bearing).transform())
 
     def shader_image(self, time: int) -> Frame:
@@ -108,11 +111,16 @@ class ScanningSonar:
         """Give GPU memory and threads back."""
         self._imager.release()
 
+    def _all_round(self, X_WS: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Poses of the head spread over its sector, X_WS (4, 4) among them."""
+        bearings = self.head.bearings()
+        chosen = bearings[:: max(1, len(bearings) // _DIRECTIONS)] - self._looks_at
+        return [X_WS @ _about_z(float(turn)) for turn in np.append(chosen, 0.0)]
+
     def _turned(self, pose: RigidBodyState, bearing: float) -> RigidBodyState:
         """Pose of the head: the base, turned about its Z axis."""
         q_SH = exponential(bearing * _UP)
-        c, s = math.cos(bearing), math.sin(bearing)
-        R_HS = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        R_HS = _about_z(bearing)[:3, :3].T
         return RigidBodyState(
             time=pose.time,
             position=pose.position,
@@ -150,3 +158,9 @@ def _path(settings: ScanningSettings) -> tuple[object, ...]:
     """What the head's way depends on."""
     s = settings
     return s.left_limit, s.right_limit, s.motor_step, s.continuous, s.start_bearing
+
+
+def _about_z(angle: float) -> NDArray[np.float64]:
+    """(4, 4) turn about Z [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])

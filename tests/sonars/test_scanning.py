@@ -69,10 +69,12 @@ def test_a_head_on_its_side_scans_a_vertical_plane(context: Any) -> None:
 def test_its_beam_is_the_same_as_that_of_a_forward_looking_sonar(context: Any) -> None:
     scene = world((box((0.5, 20.0, 20.0)), (6.0, 1.0, 0.0)), (sphere(0.5), (4.0, 0.4, -0.3)))
     shared: dict[str, Any] = {"range": 10.0, "bin_count": 200, "beam_width": 0.05, "beam_height": 0.5}
+    shared["normalization"] = "energy"
     one = ScanningSonar(context, ScanningSettings(**shared))
     fan = ForwardLookingSonar(context, ForwardLookingSettings(beam_count=1, **shared))
     a, b = one.ping(scene, pose()), fan.ping(scene, pose())
-    assert (a.bins == b.bins).all()
+    # Each plans its own samples for an energy error of 0.02; the scanning one for all directions.
+    assert np.linalg.norm(a.bins - b.bins) <= 0.04 * np.linalg.norm(b.bins)
     assert a.bins.shape == (1, 200)
     one.release()
     fan.release()
