@@ -27,7 +27,7 @@ from sonar_component.middleware.rundir import Instance, logs
 GRACE, TERM_GRACE = 2.0, 1.0  # [s]
 MAX_DELAY = 10.0  # [s], between two restarts
 _SETTLED = 10.0  # [s] of running after which the delay is short again
-_STARTUP = 60.0  # [s] without a sign of life that imports and configuration may take
+_STARTUP = 60.0  # [s] without a sign of life that imports, configuration and a first cycle that compiles may take
 _CHILD = (
     "import sys; from sonar_component.middleware.lifeline import die_with; die_with(int(sys.argv[1]));"
     "from sonar_component.middleware.process import main; main(*sys.argv[2:])"
@@ -49,7 +49,7 @@ class Child:
     pending: bytes = b""
     started: float = 0.0
     last_beat: float = 0.0
-    built: bool = False
+    young: bool = True
     restarts: deque[float] = field(default_factory=deque)
     delay: float = 0.0
     due: float | None = None
@@ -58,6 +58,11 @@ class Child:
     given_up: bool = False
     hung: str = ""
     refused: bool = False
+
+    @property
+    def patience(self) -> float:
+        """Seconds without a finished cycle or a sign of life after which it hangs."""
+        return max(_STARTUP, self.rules.hang_timeout) if self.young else self.rules.hang_timeout
 
 
 class Supervisor:
@@ -130,7 +135,7 @@ class Supervisor:
         os.close(write)
         os.set_blocking(read, False)
         child.events = os.fdopen(read, "rb", buffering=0)
-        child.pending, child.built, child.due, child.hung = b"", False, None, ""
+        child.pending, child.young, child.due, child.hung = b"", True, None, ""
         child.mending.clear()
         child.started = child.last_beat = time.monotonic()
         self._selector.register(child.events, selectors.EVENT_READ, child)
@@ -206,10 +211,9 @@ class Supervisor:
             else:
                 self._down.add(event["task"])
                 self.failures[event["task"]] = event["reason"]
-        elif kind == "built":
-            child.built = True
         elif kind == "beat":
-            busy = [(t, v["busy"]) for t, v in event["tasks"].items() if v["busy"] > child.rules.hang_timeout]
+            child.young = any(v["cycles"] <= 1 for v in event["tasks"].values())
+            busy = [(t, v["busy"]) for t, v in event["tasks"].items() if v["busy"] > child.patience]
             if busy and not child.hung and not child.stopping:
                 self._hang(child, f"task {busy[0][0]} has not finished its cycle for {busy[0][1]:.1f} s")
 
@@ -245,8 +249,7 @@ class Supervisor:
 
     def _look_for_hang(self, child: Child, now: float) -> None:
         silence = now - child.last_beat
-        allowed = child.rules.hang_timeout if child.built else max(_STARTUP, child.rules.hang_timeout)
-        if silence > allowed and not child.hung:
+        if silence > child.patience and not child.hung:
             self._hang(child, f"process {child.name} has given no sign of life for {silence:.1f} s")
 
     def _hang(self, child: Child, reason: str) -> None:

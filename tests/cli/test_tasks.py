@@ -61,9 +61,13 @@ def test_states_are_shown_and_ordered(graph: Any) -> None:
 
 
 def test_inspect_shows_what_became_of_every_sample(graph: Any) -> None:
-    found = running(graph).json("inspect", "fls")
-    (line,) = found["inputs"]["sonar_pose_cmd"]["connections"]
-    assert line["received"] > 0
+    running(graph)
+
+    def received() -> dict[str, Any]:
+        return graph.json("inspect", "fls")["inputs"]["sonar_pose_cmd"]["connections"][0]
+
+    line = graph.wait_for(lambda: (found := received())["received"] > 0 and found, "receiving")
+    found = graph.json("inspect", "fls")
     assert (line["dropped"], line["lost"], line["restarts"], line["rejected"]) == (0, 0, 0, {})
     assert found["outputs"]["sonar_samples"]["endpoint"].startswith("ipc://")
     assert "property  beams = 256" in graph.sonar("inspect", "fls").stdout

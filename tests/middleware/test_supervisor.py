@@ -79,7 +79,9 @@ def test_a_stuck_task_is_found_its_stack_is_logged_and_it_starts_again(graph: An
 
 def test_a_process_that_gives_no_sign_of_life_is_killed_and_starts_again(graph: Any) -> None:
     graph.start(CHAIN)
-    graph.wait_until_said("fls: RUNNING")
+    with connect_task("fls", timeout=20.0) as fls:
+        graph.wait_for(lambda: fls.describe()["counters"]["cycles"] > 1, "running")
+    time.sleep(0.7)  # above the 0.5 s between two signs of life: before, it has the patience for a first cycle
     os.kill(pid_of(graph, "fls"), signal.SIGSTOP)
     graph.wait_until_said("process fls has given no sign of life for 1.")
     graph.wait_until_said("fls: RUNNING", times=2)
