@@ -36,7 +36,7 @@ class SharedContext:
     def __enter__(self) -> Context:
         self._turn.acquire()
         if self._depth == 0:
-            self._context.__enter__()
+            self._context.__enter__()  # type: ignore[no-untyped-call]  # moderngl has no types for these two
         self._depth += 1
         return self._context
 
@@ -70,4 +70,4 @@ def share_context(device: int | None = None, driver: str | None = None) -> Share
 
 def _put_down(context: Context) -> None:
     """Leave the context current on no thread, so that another one may take it."""
-    context.__exit__(None, None, None)
+    context.__exit__(None, None, None)  # type: ignore[no-untyped-call]

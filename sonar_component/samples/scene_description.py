@@ -31,7 +31,6 @@ class SceneDescription:
     part_poses : (parts, 4, 4) float64, X_BM [m].
     vertex_start, face_start : (meshes + 1,) int64, where each mesh begins in `vertices` and `faces`.
     vertices : (n, 3) float64 [m] in M; normals : (n, 3) float32 unit; uv : (n, 2) float32, NaN where a mesh has none.
-    grid : (meshes, 2) int64, rows and columns of a terrain, 0 for any other mesh.
     faces : (m, 3) int32, counted from the first vertex of their own mesh.
     reflectance : (materials,) float64 [-].
     normal_map, reflectance_map : (materials,) int64 index of a texture, -1 for none.
@@ -53,7 +52,6 @@ class SceneDescription:
     vertices: FloatArray
     normals: NDArray[np.float32]
     uv: NDArray[np.float32]
-    grid: IndexArray
     faces: NDArray[np.int32]
     reflectance: FloatArray
     normal_map: IndexArray
@@ -70,7 +68,6 @@ class SceneDescription:
             "part_material": len(self.part_body),
             "part_poses": len(self.part_body),
             "face_start": len(self.vertex_start),
-            "grid": len(self.vertex_start) - 1,
             "normals": len(self.vertices),
             "uv": len(self.vertices),
             "normal_map": len(self.reflectance),

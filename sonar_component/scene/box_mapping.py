@@ -28,6 +28,5 @@ def box_mapped(mesh: Mesh, size: float) -> Mesh:
     vertices = mesh.vertices[source]
     row = np.arange(len(vertices))
     uv = np.stack([vertices[row, _U_AXIS[side]] * _U_SIGN[side], vertices[row, _V_AXIS[side]]], 1) / size
-    grid = mesh.grid if len(vertices) == len(mesh.vertices) else None
     corners = faces.reshape(-1, 3).astype(np.int32)
-    return Mesh(vertices, mesh.normals[source], corners, uv.astype(np.float32), grid)
+    return Mesh(vertices, mesh.normals[source], corners, uv.astype(np.float32))

@@ -51,7 +51,6 @@ def from_bodies(bodies: Sequence[Body], warnings: Sequence[str], time: int) -> S
         vertices=_stack([mesh.vertices for mesh in meshes.items], 3, np.float64),
         normals=_stack([mesh.normals for mesh in meshes.items], 3, np.float32),
         uv=_stack([_uv_or_nan(mesh) for mesh in meshes.items], 2, np.float32),
-        grid=np.array([mesh.grid or (0, 0) for mesh in meshes.items], np.int64).reshape(-1, 2),
         faces=_stack([mesh.faces for mesh in meshes.items], 3, np.int32),
         reflectance=np.array([material.reflectance for material in materials.items], np.float64),
         normal_map=np.array([textures.index(t) for t in normal_maps], np.int64),
@@ -121,9 +120,7 @@ def _mesh(sample: SceneDescription, i: int) -> Mesh:
     uv = sample.uv[rows]
     faces = sample.faces[sample.face_start[i] : sample.face_start[i + 1]]
     has_uv = len(uv) > 0 and not np.isnan(uv).any()
-    height, width = (int(n) for n in sample.grid[i])
-    grid = (height, width) if height else None
-    return Mesh(sample.vertices[rows], sample.normals[rows], faces, uv if has_uv else None, grid)
+    return Mesh(sample.vertices[rows], sample.normals[rows], faces, uv if has_uv else None)
 
 
 def _texture(sample: SceneDescription, i: int) -> NDArray[np.uint8]:

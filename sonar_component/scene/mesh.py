@@ -18,14 +18,12 @@ class Mesh:
     normals : (n, 3) float32, unit, outward where the file says so.
     faces : (m, 3) int32, no two corners of a face alike.
     uv : (n, 2) float32 texture coordinates, (0, 0) at the lower left, or None.
-    grid : (rows, columns) when the vertices are a terrain's heights row by row, for `levels.patches`; else None.
     """
 
     vertices: NDArray[np.float64]
     normals: NDArray[np.float32]
     faces: NDArray[np.int32]
     uv: NDArray[np.float32] | None = None
-    grid: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         for array in (self.vertices, self.normals, self.faces, self.uv):

@@ -60,7 +60,7 @@ def terrain(heights: NDArray[np.float64], size: tuple[float, float, float]) -> M
     U, V = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
     vertices = np.stack([X, Y, z], 2).reshape(-1, 3)
     uv = np.stack([U, V], 2).reshape(-1, 2)
-    return Mesh(vertices, normals.astype(np.float32), grid_faces(rows, columns), uv.astype(np.float32), (rows, columns))
+    return Mesh(vertices, normals.astype(np.float32), grid_faces(rows, columns), uv.astype(np.float32))
 
 
 def _read_array(path: Path) -> NDArray[np.float64]:
