@@ -80,12 +80,12 @@ class ScanningSonar:
         """
         pose.validate()
         bearing = self.head.bearing if bearing is None else wrapped(bearing)
-        looking, self._looks_at = self._turned(pose, bearing), bearing
+        X_WS, self._looks_at = pose.transform(), bearing
         if self._settings.in_ping_motion:
-            bins = self._moving(world, looking)
+            bins = self._moving(world, self._turned(pose, bearing))
         else:
-            bins = self._imager.echoes(world, looking.transform())
-        bins = self._receiver.beam(bins, pose.transform(), self.head.place, self.head.places, rng)
+            bins = self._imager.echoes(world, X_WS @ _about_z(bearing))
+        bins = self._receiver.beam(bins, X_WS, self.head.place, self.head.places, rng)
         return self._sample(bins, pose, bearing)
 
     def truth(self, world: World, pose: RigidBodyState, bearing: float | None = None) -> Truth:
@@ -93,7 +93,7 @@ class ScanningSonar:
         pose.validate()
         bearing = self.head.bearing if bearing is None else bearing
         self._looks_at = bearing
-        return self._imager.truth(world, self._turned(pose, bearing).transform())
+        return self._imager.truth(world, pose.transform() @ _about_z(bearing))
 
     def shader_image(self, time: int) -> Frame:
         """The samples of the last ping: see ``FanImager.shader_image``."""
