@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from sonar_component.acoustics.absorption import absorption, nepers_per_metre
 from sonar_component.echo import beams
@@ -149,6 +149,16 @@ class SonarSettings(BaseModel):
         if self.min_range >= self.range:
             raise ValueError(f"min_range must be below range ({self.range:g} m), got {self.min_range:g} m")
         return self
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Assign a property, or refuse it and keep the old value."""
+        kept = dict(self.__dict__)
+        try:
+            super().__setattr__(name, value)
+        except ValidationError:
+            # pydantic checks how properties go together only after it has stored the new value.
+            self.__dict__.update(kept)
+            raise
 
     def doubts(self) -> list[str]:
         """What no source confirms, in words."""
