@@ -34,6 +34,11 @@ class BeamTable:
         """(beams,) float64: solid angle of each beam's sector [sr]."""
         return np.asarray((self.left - self.right) * 2.0 * np.sin(self.half_height))
 
+    @property
+    def width(self) -> float:
+        """Opening of the whole fan [rad]."""
+        return float(self.left.max() - self.right.min())
+
     def turned(self, bearing: float) -> BeamTable:
         """The same beams about another bearing [rad]."""
         return BeamTable(self.bearings + bearing, self.right + bearing, self.left + bearing, self.half_height)

@@ -24,6 +24,7 @@ _COARSER = 1.2  # [-], error of a level relative to its difference from the next
 _SLACK = 0.5  # [-], of the target: going down a level must leave this much room, or the choice would flicker
 _WIDEST = np.radians(2.0)  # [rad], of a column with one column per beam: keeps footprints local in wide beams
 _MOST_SAMPLES = 4_000_000  # [-], 32 MB of target
+_MOST_COLUMNS = 15_000  # [-], of the 16384 that every OpenGL 4.3 has: flat views need up to 6 % more than angles say
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def plan_at(beams: BeamTable, level: int) -> Plan:
     """The plan of a level for these beams."""
     per_beam, rows = LADDER[level]
     width = float(np.min(beams.left - beams.right))
-    column_width = min(width, _WIDEST) / per_beam
+    column_width = max(min(width, _WIDEST) / per_beam, beams.width / _MOST_COLUMNS)
     tall = np.clip(2 * np.degrees(beams.half_height) / 20.0, 0.25, 8.0)
     columns = max(2, min(8, round(width / column_width)))
     return Plan(level, float(column_width), max(4, round(rows * float(tall))), 1.0 / columns)
@@ -60,9 +61,8 @@ def plan_at(beams: BeamTable, level: int) -> Plan:
 
 def highest_level(beams: BeamTable) -> int:
     """The finest level whose target stays within reason."""
-    span = float(beams.left.max() - beams.right.min())
     level = len(LADDER) - 1
-    while level and span / plan_at(beams, level).column_width * plan_at(beams, level).rows > _MOST_SAMPLES:
+    while level and beams.width / plan_at(beams, level).column_width * plan_at(beams, level).rows > _MOST_SAMPLES:
         level -= 1
     return level
 
@@ -70,7 +70,7 @@ def highest_level(beams: BeamTable) -> int:
 def choose_level(
     energy_image: Callable[[int], NDArray[np.float32]], accuracy: float, highest: int, start: int = START
 ) -> tuple[int, float]:
-    """The coarsest level that meets a target, and its estimated energy error [-].
+    """The coarsest level that meets a target, and its estimated energy error [-]; NaN where there is but one level.
 
     Parameters
     ----------
@@ -91,6 +91,8 @@ def choose_level(
         finer = float(np.linalg.norm(images[level + 1]))
         return _COARSER * float(np.linalg.norm(images[level + 1] - images[level])) / finer if finer > 0 else 0.0
 
+    if highest == 0:
+        return 0, float("nan")
     level = min(start, highest - 1)
     error = estimate(level)
     if error <= accuracy:
