@@ -91,7 +91,7 @@ class ForwardLookingSonar:
         return Sonar(
             time=pose.time,
             bin_duration=s.range / s.bin_count / s.speed_of_sound,
-            beam_width=s.beam_width,
+            beam_width=self._imager.beams.width,
             beam_height=s.beam_height,
             bearings=self._imager.beams.bearings,
             speed_of_sound=s.speed_of_sound,
