@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from sonar_component.echo import beams
 from sonar_component.settings.quantity import Angle, AngularSpeed, Duration
@@ -14,6 +14,8 @@ from sonar_component.sonars.settings import SonarSettings
 _DEG = math.pi / 180
 _TURN = 2 * math.pi  # [rad]
 _LEAST_STEP = 0.01 * _DEG  # [rad], a fortieth of the finest head we know; a smaller one would make endless scans
+_GREATEST_STEP = 90 * _DEG  # [rad], no head does more than a few degrees, and 1.8 without its unit must not pass
+_RADIANS = "; a number without a unit is in rad"
 _SAME = 1e-9  # [rad], differences below it come from converting degrees
 
 
@@ -45,14 +47,21 @@ class ScanningSettings(SonarSettings):
     kind: Literal["scanning"] = "scanning"
     beam_width: Angle = 3 * _DEG
     beam_height: Angle = 35 * _DEG
-    left_limit: Annotated[Angle, Field(ge=-math.pi - _SAME, le=math.pi + _SAME)] = -math.pi
-    right_limit: Annotated[Angle, Field(ge=-math.pi - _SAME, le=math.pi + _SAME)] = math.pi
+    left_limit: Angle = -math.pi
+    right_limit: Angle = math.pi
     motor_step: Angle = 1.8 * _DEG
     continuous: bool = True
-    start_bearing: Annotated[Angle, Field(ge=-math.pi - _SAME, le=math.pi + _SAME)] | None = None
+    start_bearing: Angle | None = None
     head_speed: Annotated[AngularSpeed, Field(gt=0, le=1000)] = 180 * _DEG
     bin_time: Annotated[Duration, Field(ge=0, le=0.1)] = 0.0
     min_ping_period: Annotated[Duration, Field(ge=0, le=60)] = 0.0
+
+    @field_validator("left_limit", "right_limit", "start_bearing")
+    @classmethod
+    def _is_a_direction(cls, value: float | None) -> float | None:
+        if value is not None and not -math.pi - _SAME <= value <= math.pi + _SAME:
+            raise ValueError(f"must be -180 deg to 180 deg, got {_degrees(value)}{_RADIANS}")
+        return value
 
     @model_validator(mode="after")
     def _head_can_move(self) -> ScanningSettings:
@@ -60,9 +69,12 @@ class ScanningSettings(SonarSettings):
         if sector < _SAME:
             got = f"{_degrees(self.left_limit)} and {_degrees(self.right_limit)}"
             raise ValueError(f"left_limit and right_limit must differ: a sector has a width, got {got}")
-        if not _LEAST_STEP - _SAME <= self.motor_step <= sector + _SAME:
-            allowed = f"{_degrees(_LEAST_STEP)} to the width of the sector, {_degrees(sector)}"
-            raise ValueError(f"motor_step must be {allowed}, got {_degrees(self.motor_step)}")
+        most = min(_GREATEST_STEP, sector)
+        if not _LEAST_STEP - _SAME <= self.motor_step <= most + _SAME:
+            width = " (the width of the sector)" if most < _GREATEST_STEP else ""
+            allowed = f"{_degrees(_LEAST_STEP)} to {_degrees(most)}{width}"
+            hint = _RADIANS if self.motor_step > _GREATEST_STEP else ""
+            raise ValueError(f"motor_step must be {allowed}, got {_degrees(self.motor_step)}{hint}")
         if self.start_bearing is not None and self.offset(self.start_bearing) > sector + _SAME:
             allowed = f"from left_limit {_degrees(self.left_limit)} on to right_limit {_degrees(self.right_limit)}"
             raise ValueError(f"start_bearing must be in the sector, {allowed}, got {_degrees(self.start_bearing)}")

@@ -52,13 +52,13 @@ def test_places_not_heard_yet_are_unknown() -> None:
 
 
 def test_a_turn_that_its_step_does_not_divide_keeps_the_bearing_of_each_beam() -> None:
-    head = ScanHead(ScanningSettings(motor_step=math.radians(100)))
-    scan = Scan(head.bearings(), math.radians(100))
+    head = ScanHead(ScanningSettings(motor_step=math.radians(80)))
+    scan = Scan(head.bearings(), math.radians(80))
     turn(scan, head, 9, 0)
     whole = scan.sample()
     assert (np.diff(whole.bearings) < 0).all()
-    # 0 100 -160 -60 40 140 -120 -20 80: the last in each of the four places from -180 deg on.
-    assert np.degrees(whole.bearings).round(6).tolist() == [140, 80, -20, -120]
+    # 0 80 160 -120 -40 40 120 -160 -80: the last in each of the five places from -180 deg on.
+    assert np.degrees(whole.bearings).round(6).tolist() == [160, 120, 40, -80, -160]
 
 
 def test_a_sector_through_180_degrees_stays_in_one_piece() -> None:

@@ -63,8 +63,8 @@ def test_turning_for_ever_ignores_the_limits_and_wraps() -> None:
 
 
 def test_turning_for_ever_by_a_step_that_does_not_divide_the_turn_goes_on_like_a_motor() -> None:
-    chosen = settings(-180, 180, 100, continuous=True)
-    assert walk(chosen, 5) == [0, 100, -160, -60, 40]
+    chosen = settings(-180, 180, 80, continuous=True)
+    assert walk(chosen, 6) == [0, 80, 160, -120, -40, 40]
 
 
 def test_a_million_steps_leave_no_rounding_behind() -> None:
@@ -140,12 +140,14 @@ def test_every_walk_stays_in_the_sector_and_visits_all_of_it(
         (10, 10, 1, {}, "left_limit and right_limit must differ.*10 deg and 10 deg"),
         (-180, -180, 1, {}, "must differ"),
         (180, -180, 1, {}, "must differ"),
-        (-10, 10, 0, {}, "motor_step must be 0.01 deg to the width of the sector, 20 deg, got 0 deg"),
+        (-10, 10, 0, {}, r"motor_step must be 0.01 deg to 20 deg \(the width of the sector\), got 0 deg"),
         (-10, 10, -1, {}, "motor_step must be"),
-        (-10, 10, 21, {}, "motor_step must be.*20 deg, got 21 deg"),
+        (-10, 10, 21, {}, r"motor_step must be.*20 deg .*, got 21 deg"),
         (-10, 10, 1, {"start_bearing": "30 deg"}, "start_bearing must be in the sector.*got 30 deg"),
-        (-200, 10, 1, {}, "greater than or equal"),
-        (-10, 10, 400, {"continuous": True}, "360 deg, got 400 deg"),
+        (-200, 10, 1, {}, "must be -180 deg to 180 deg, got -200 deg"),
+        (-180, 180, 1, {"start_bearing": "190 deg"}, "must be -180 deg to 180 deg, got 190 deg"),
+        (-10, 10, 400, {"continuous": True}, "0.01 deg to 90 deg, got 400 deg"),
+        (-180, 180, 1, {"motor_step": 1.8}, "got 103.132 deg; a number without a unit is in rad"),
     ],
 )
 def test_a_head_that_cannot_move_is_refused_in_words(

@@ -91,7 +91,7 @@ def test_each_ping_has_the_pose_of_its_own_time(bench: Any) -> None:
 
 
 def test_it_sees_the_wall_nearer_from_the_later_pose(bench: Any) -> None:
-    b = bench(motor_step="360 deg")
+    b = bench(motor_step="0.1 deg", left_limit=0, right_limit="0.1 deg", continuous=False)
     beams = b.feed(pose(0.0, x=0.0), pose(0.2, x=2.0))
     first = [int(np.flatnonzero(s.bins[0])[0]) for s in beams]
     # 6 m to the wall in bins of 0.1 m; it begins on an edge, so either side of it will do.
