@@ -5,9 +5,9 @@ to follow the edge of a sector and large enough that one draw each is cheap.
 
 Far terrain is drawn as it is. Coarser versions of its patches (every 2nd, 4th, 8th height inside, whole borders, chosen
 by range and bin length) were built and lost. A sonar sees a floor at a few degrees: heights whose error moves the
-surface by 2 % of a bin in range already changed an image by 1 %. Within a tenth of the default accuracy, the wreck site's floor
-of 96 800 triangles stays as it is, and one of 1 500 000 seen over 100 m loses 15 % of its triangles and 10 % of the
-processor time.
+surface by 2 % of a bin in range already changed an image by 1 %. Within a tenth of the default accuracy, the wreck
+site's floor of 96 800 triangles stays as it is, and one of 1 500 000 seen over 100 m loses 15 % of its triangles and
+10 % of the processor time.
 """
 
 from __future__ import annotations

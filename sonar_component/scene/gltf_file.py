@@ -1,4 +1,4 @@
-"""What trimesh leaves out of glTF: required extensions that nobody reads, and integers that stand for fractions.
+"""What trimesh leaves out of glTF: extensions that nobody reads, integers that stand for fractions, scales of relief.
 
 trimesh takes quantised attributes (KHR_mesh_quantization) at face value, also where the file calls them normalised, so
 a mesh came out 32 767 times too large. Here those attributes become float32 before trimesh sees the file.
@@ -27,8 +27,10 @@ _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
-def readable_gltf(path: Path) -> tuple[io.BytesIO, list[str]]:
-    """Return the file as trimesh can read it, and warnings.
+def readable_gltf(path: Path) -> tuple[io.BytesIO, dict[str, float], list[str]]:
+    """Return the file as trimesh can read it, the scale of each material's normal map where it is not 1, and warnings.
+
+    Materials with such a scale get a name of their own where they have none or share it.
 
     Raises
     ------
@@ -43,12 +45,26 @@ def readable_gltf(path: Path) -> tuple[io.BytesIO, list[str]]:
     if "KHR_texture_transform" in tree.get("extensionsUsed", []):
         warnings.append("its texture transform is not read: normal maps may lie elsewhere")
     _unquantise(tree, binary, path)
+    scales = _normal_scales(tree)
     text = json.dumps(tree).encode()
     if path.suffix.lower() == ".gltf":
-        return io.BytesIO(text), warnings
+        return io.BytesIO(text), scales, warnings
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), _JSON) + text + struct.pack("<II", len(binary), _BIN) + binary
-    return io.BytesIO(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks), warnings
+    return io.BytesIO(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks), scales, warnings
+
+
+def _normal_scales(tree: dict[str, Any]) -> dict[str, float]:
+    materials = tree.get("materials", [])
+    names = [material.get("name") for material in materials]
+    scales = {}
+    for number, material in enumerate(materials):
+        scale = float(material.get("normalTexture", {}).get("scale", 1.0))
+        if scale != 1.0:
+            if not names[number] or names.count(names[number]) > 1:
+                material["name"] = f"{names[number] or 'material'}_{number}"
+            scales[str(material["name"])] = scale
+    return scales
 
 
 def _parsed(path: Path) -> tuple[dict[str, Any], bytes]:

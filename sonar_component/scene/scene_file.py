@@ -138,10 +138,8 @@ class _Reader:
                 continue
             size = self._texture_sizes.get(new)
             mesh = part.mesh if size is None else self._laid_on(part.mesh, size)
-            if new.normal_map is None and old.normal_map is not None:
-                # A reflectance in the scene must not wipe the relief that the mesh file brings along.
-                merged = Material(new.name, new.reflectance, old.normal_map, new.reflectance_map)
-                new = self._merged.setdefault((id(new), id(old)), merged)
+            if any(brought is not None for brought in (old.normal_map, old.reflectance_map)):
+                new = self._merged.setdefault((id(new), id(old)), _over(new, old))
             dressed.append(replace(part, material=new, mesh=mesh))
         return dressed
 
@@ -198,6 +196,13 @@ class _Reader:
             return shapes.ellipsoid(settings.ellipsoid.radii)
         assert settings.plane is not None  # the model allows exactly one shape
         return shapes.plane(settings.plane.size, settings.plane.normal)
+
+
+def _over(new: Material, old: Material) -> Material:
+    """The new material with the old one's pictures where it has none: a reflectance must not wipe a file's relief."""
+    normal_map = old.normal_map if new.normal_map is None else new.normal_map
+    reflectance_map = old.reflectance_map if new.reflectance_map is None else new.reflectance_map
+    return Material(new.name, new.reflectance, normal_map, reflectance_map)
 
 
 def to_pose(settings: PoseSettings) -> pose.Pose:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -58,15 +58,30 @@ def map_of(geometry: Any) -> NDArray[np.float64] | None:
     return np.asarray(uv, np.float64)
 
 
-def material_of(geometry: Any, path: Path, known: dict[int, Material], notes: list[str]) -> Material:
-    """Material of a trimesh geometry; the same trimesh material gives the same Material."""
+def material_of(
+    geometry: Any, path: Path, known: dict[int, Material], scales: Mapping[str, float], notes: list[str]
+) -> Material:
+    """Material of a trimesh geometry; the same trimesh material gives the same Material.
+
+    `scales` says by material how steep its normal map is, where that is not 1 [-].
+    """
     source = getattr(geometry.visual, "material", None)
     if source is None:
         return known.setdefault(0, Material("default"))
     if id(source) not in known:
         name = str(getattr(source, "name", None) or "default")
-        known[id(source)] = Material(name, 1.0, _normal_map(source, path, name, notes))
+        normal_map = _normal_map(source, path, name, notes)
+        if normal_map is not None and name in scales:
+            normal_map = steeper(normal_map, scales[name])
+        known[id(source)] = Material(name, 1.0, normal_map)
     return known[id(source)]
+
+
+def steeper(normal_map: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
+    """A normal map (h, w, 3) with the tangents of its slopes times `scale`, as glTF 2.0 has it in section 3.9.3."""
+    normals = (normal_map.astype(np.float32) - 128) / 127 * np.array([scale, scale, 1], np.float32)
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-6)
+    return np.asarray(np.rint(normals * 127 + 128), np.uint8)
 
 
 def _normal_map(source: Any, path: Path, name: str, notes: list[str]) -> NDArray[np.uint8] | None:

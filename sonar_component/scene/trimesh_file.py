@@ -20,7 +20,7 @@ logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its complaints come b
 
 def trimesh_objects(path: Path, warnings: list[str]) -> list[FileObject]:
     """Read all objects of a file; raises whatever the readers below stumble over in a broken one."""
-    scene = _load(path, warnings)
+    scene, scales = _load(path, warnings)
     materials: dict[int, Material] = {}
     surfaces: dict[str, Surface] = {}
     order = {name: i for i, name in enumerate(scene.geometry)}
@@ -33,21 +33,22 @@ def trimesh_objects(path: Path, warnings: list[str]) -> list[FileObject]:
             continue
         if name not in surfaces:
             surfaces[name] = _surface(name, geometry)
-        material = material_of(geometry, path, materials, warnings)
+        material = material_of(geometry, path, materials, scales, warnings)
         # trimesh names the objects of an OBJ "object_material".
         objects.append(FileObject(str(node).removesuffix(f"_{material.name}"), X_FO, surfaces[name], material))
     return objects
 
 
-def _load(path: Path, warnings: list[str]) -> Any:
+def _load(path: Path, warnings: list[str]) -> tuple[Any, dict[str, float]]:
+    """The scene, and scales of normal maps by material."""
     kind = path.suffix[1:].lower()
     options: dict[str, Any] = {"split_objects": True, "split_groups": True} if kind == "obj" else {}
     if kind in ("glb", "gltf"):
-        source, notes = readable_gltf(path)
+        source, scales, notes = readable_gltf(path)
         warnings.extend(notes)
         resolver = trimesh.resolvers.FilePathResolver(str(path))
-        return trimesh.load_scene(source, process=False, file_type=kind, resolver=resolver)
-    return trimesh.load_scene(path, process=False, **options)
+        return trimesh.load_scene(source, process=False, file_type=kind, resolver=resolver), scales
+    return trimesh.load_scene(path, process=False, **options), {}
 
 
 def _surface(name: str, geometry: Any) -> Surface:

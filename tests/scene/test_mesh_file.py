@@ -214,6 +214,31 @@ def test_a_normal_map_of_a_gltf_comes_with_texture_coordinates(tmp_path: Path) -
     assert part.mesh.uv == pytest.approx(np.array([[0, 0], [1, 0], [0, 1]]))
 
 
+def test_the_scale_of_a_gltf_normal_map_makes_its_slopes_steeper(tmp_path: Path) -> None:
+    from PIL import Image
+
+    slope = np.broadcast_to(np.array([128 + 51, 128, 128 + 116], np.uint8), (4, 4, 3))  # 0.4, 0, 0.916
+    file = tmp_path / "s.gltf"
+    for name in ("", "plates"):
+        material = trimesh.visual.material.PBRMaterial(name=name, normalTexture=Image.fromarray(slope))
+        mesh = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
+        mesh.visual = trimesh.visual.TextureVisuals(uv=[[0, 0], [1, 0], [0, 1]], material=material)
+        files = trimesh.Scene(mesh).export(file_type="gltf")
+        tree = json.loads(files.pop("model.gltf"))
+        tree["materials"][0]["normalTexture"]["scale"] = 0.5
+        if not name:
+            del tree["materials"][0]["name"]
+        file.write_text(json.dumps(tree))
+        for other, data in files.items():
+            (tmp_path / other).write_bytes(data)
+        relief = read_mesh_file(file)[0][0].material.normal_map
+        assert relief is not None
+        x, y, z = (relief[0, 0].astype(float) - 128) / 127
+        assert x / z == pytest.approx(0.5 * 51 / 116, abs=0.006)  # 8 bits: half of 1/127 above and below
+        assert y == 0
+        assert x * x + z * z == pytest.approx(1, abs=0.01)
+
+
 def test_a_normal_map_of_an_obj_is_found_beside_its_material(tmp_path: Path) -> None:
     from PIL import Image
 

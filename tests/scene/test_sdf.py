@@ -86,7 +86,7 @@ def test_relative_to_reaches_frames_links_joints_and_the_insides_of_models(tmp_p
 <model name="ship"><pose relative_to="dock">10 0 0 0 0 0</pose>
   <frame name="mast" attached_to="l"><pose>0 0 5 0 0 0</pose></frame>
   {link("<pose>1 0 0 0 0 0</pose>")}
-  <joint name="hinge" type="revolute"><child>l2</child><pose>0 0 1 0 0 0</pose></joint>
+  <joint name="hinge" type="fixed"><child>l2</child><pose>0 0 1 0 0 0</pose></joint>
   {link('<pose relative_to="mast">0 1 0 0 0 0</pose>', "l2")}
   {link('<pose relative_to="hinge">0 0 1 0 0 0</pose>', "l3")}
 </model>
@@ -190,6 +190,43 @@ def test_includes_nest_and_merge_and_stand_on_a_placement_frame(tmp_path: Path) 
     }
     assert parts == {"left::shank::v": [-1, 0, 10], "shank::v": [1, 0, 10], "tag::v": [-1, 0, 9], "other::v": [1, 0, 9]}
     assert place_of(world, "bolt")[:3, 3] == pytest.approx([5, 5, 1])  # its tip stands at (5, 5, 0)
+
+
+def test_a_model_merged_into_a_world_leaves_its_models_there_as_bodies_of_their_own(tmp_path: Path) -> None:
+    model_in(tmp_path / "models", "bolt", link(), "1.10")
+    model_in(
+        tmp_path / "models",
+        "field",
+        """<frame name="corner"><pose>0 0 3 0 0 0</pose></frame>
+<include><uri>model://bolt</uri><name>east</name><pose>4 0 0 0 0 0</pose></include>
+<include><uri>model://bolt</uri><name>up</name><pose relative_to="corner"/><static>1</static></include>""",
+        "1.10",
+    )
+    world = world_of(
+        tmp_path,
+        """<include merge="true"><uri>model://field</uri><pose>0 10 0 0 0 0</pose></include>
+<include><uri>model://bolt</uri><name>mine</name><pose relative_to="corner">1 0 0 0 0 0</pose></include>
+<include><uri>model://bolt</uri><name>east</name></include>""",
+        "1.10",
+    )
+    assert list(world.bodies) == ["east", "up", "mine", "east_1"]
+    assert [place_of(world, name)[:3, 3].tolist() for name in world.bodies] == [
+        [4, 10, 0], [0, 10, 3], [1, 10, 3], [0, 0, 0],
+    ]  # fmt: skip
+    assert [body.moving for body in world.bodies.values()] == [True, False, True, True]
+    assert len(world.warnings) == 1
+    assert "the name 'east' is taken; called 'east_1' here" in world.warnings[0]
+
+
+def test_joints_that_could_move_are_told_once(tmp_path: Path) -> None:
+    def jointed(name: str, kind: str) -> str:
+        joint = f'<joint name="j" type="{kind}"><parent>l</parent><child>m</child></joint>'
+        return f'<model name="{name}">{link()}{link(name="m")}{joint}</model>'
+
+    assert world_of(tmp_path, jointed("a", "fixed")).warnings == []
+    world = world_of(tmp_path, jointed("a", "revolute") + jointed("b", "prismatic"))
+    assert len(world.warnings) == 1
+    assert "w.sdf:4: <joint>: does not move here" in world.warnings[0]
 
 
 def test_models_are_found_by_property_and_by_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -381,6 +418,22 @@ def test_a_normal_map_and_the_name_of_a_script_are_kept(tmp_path: Path) -> None:
     assert a.mesh.uv is not None
     assert b.material.name == "Gazebo/Wood"
     assert world.warnings == []
+
+
+def test_a_reflectance_map_is_our_own_element_and_stays_under_a_reflectance_of_the_scene(tmp_path: Path) -> None:
+    Image.fromarray(np.arange(12, dtype=np.uint8).reshape(3, 4)).save(tmp_path / "rust.png")
+    rust = "<material><sonar:reflectance_map>rust.png</sonar:reflectance_map></material>"
+    lost = rust.replace("rust.png", "lost.png")
+    world = world_of(tmp_path, f'<model name="m">{link(name="a", extra=rust)}{link(name="b", extra=lost)}</model>')
+    (part,) = world.bodies["m"].parts
+    assert part.material.reflectance_map is not None
+    assert part.material.reflectance_map.tolist() == np.arange(12).reshape(3, 4).tolist()
+    assert len(world.warnings) == 1
+    assert "<sonar:reflectance_map>: 'lost.png' is not there" in world.warnings[0]
+    (tmp_path / "scene.yaml").write_text("version: 1\nbodies: {hull: {sdf: w.sdf, material: {reflectance: 2}}}\n")
+    over = load_world(tmp_path / "scene.yaml").bodies["hull"].parts[0].material
+    assert over.reflectance == 2
+    assert over.reflectance_map is not None
 
 
 def test_a_scene_file_includes_a_world_and_dresses_it_by_material_name(tmp_path: Path) -> None:

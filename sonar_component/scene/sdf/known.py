@@ -61,6 +61,12 @@ class Unread:
                 continue
             self._tell(child, parent.tag)
 
+    def joint(self, joint: Element) -> None:
+        """Look at a joint; all but fixed ones could move in Gazebo."""
+        if joint.attributes.get("type", "") != "fixed" and "joint" not in self._told:
+            self._warn(joint, "does not move here: links stay where their poses say; move a body of its own instead")
+            self._told.add("joint")
+
     def version(self, root: Element) -> None:
         """Look at the version of a file."""
         text = root.attributes.get("version", "")

@@ -32,15 +32,31 @@ MAX_DEPTH = 32  # [-], of includes inside includes
 
 @dataclass
 class _Model:
-    """A model read: parts relative to its own frame, and where that frame stands."""
+    """A model read: what is in it, relative to its own frame, and where that frame stands.
+
+    Attributes
+    ----------
+    own : parts of its own links.
+    nested : models inside, their X_RF relative to this one's frame.
+    """
 
     name: str
     element: Element
     scope: Scope
-    parts: list[Part]
+    own: list[Part]
+    nested: list[_Model]
     static: bool
     X_RF: pose.Pose
     relative_to: str
+
+    @property
+    def parts(self) -> list[Part]:
+        """All parts, those of nested models under `model::part`."""
+        inner = []
+        for model in self.nested:
+            prefix = "" if model.name.startswith("__merged") else f"{model.name}::"
+            inner += [replace(part, X_BM=model.X_RF @ part.X_BM, name=prefix + part.name) for part in model.parts]
+        return inner + self.own
 
 
 def read_sdf(path: Path, search_path: Sequence[str | Path] = ()) -> World:
@@ -138,14 +154,30 @@ class _Reader:
             except SettingsError as error:
                 self.left_out(error)
                 continue
-            self._name(model, child, scope)
-            models.append(model)
+            if child.attributes.get("merge", "") not in ("true", "1"):
+                self._name(model, child, scope)
+                models.append(model)
+            elif "__model__" in scope.own:
+                model.name = scope.merge(child, model.scope, model.X_RF, model.relative_to)
+                models.append(model)
+            else:
+                models += self._merged_into_world(model, child, scope)
         return models
 
+    def _merged_into_world(self, model: _Model, child: Element, scope: Scope) -> list[_Model]:
+        """A world has no links, so the models inside become its own; links directly inside stay one model."""
+        frame = scope.merge(child, model.scope, model.X_RF, model.relative_to)
+        found = [
+            replace(inside, element=child, relative_to=frame, static=model.static or inside.static)
+            for inside in model.nested
+        ]
+        if model.own:
+            found.append(replace(model, nested=[], X_RF=np.eye(4), relative_to=frame))
+        for one in found:
+            self._name(one, child, scope)
+        return found
+
     def _name(self, model: _Model, child: Element, scope: Scope) -> None:
-        if child.attributes.get("merge", "") in ("true", "1") and "__model__" in scope.own:
-            model.name = scope.merge(child, model.scope, model.X_RF, model.relative_to)
-            return
         if model.name in scope.nested or model.name in scope.frames:
             fresh = next(n for k in range(1, MAX_INCLUDES) if (n := f"{model.name}_{k}") not in scope.frames)
             self.warn(child, f"the name {model.name!r} is taken; called {fresh!r} here")
@@ -163,24 +195,18 @@ class _Reader:
         for child in element.children:
             if child.tag in ("link", "frame", "joint"):
                 self._frame(child, scope)
-        parts = []
-        for inside in self._models_in(element, scope, reflectance, trail):
-            try:
-                X = scope.resolve(inside.name, inside.element)
-            except SettingsError as error:
-                self.left_out(error)
-                continue
-            prefix = "" if inside.name.startswith("__merged") else f"{inside.name}::"
-            parts += [replace(part, X_BM=X @ part.X_BM, name=prefix + part.name) for part in inside.parts]
-        for link in element.all("link"):
-            parts += self._link(link, scope, reflectance)
+            if child.tag == "joint":
+                self.unread.joint(child)
+        nested = [m for m in self._models_in(element, scope, reflectance, trail) if self._placed(m, scope)]
+        own = [part for link in element.all("link") for part in self._link(link, scope, reflectance)]
         at = element.first("pose")
         X_RF = read_pose(at)
         placement = element.attributes.get("placement_frame", "")
         if placement:
             X_RF = X_RF @ pose.inverse(scope.resolve(placement, element))
         static = truth(element.first("static"))
-        return _Model(element.attributes.get("name", "model"), element, scope, parts, static, X_RF, relative_name(at))
+        name = element.attributes.get("name", "model")
+        return _Model(name, element, scope, own, nested, static, X_RF, relative_name(at))
 
     def _frame(self, owner: Element, scope: Scope) -> None:
         defaults = {"link": "", "frame": owner.attributes.get("attached_to", ""), "joint": owner.text_at("child")}
