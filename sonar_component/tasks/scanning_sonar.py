@@ -79,7 +79,10 @@ class ScanningSonarTask(SonarTask):
     def update_hook(self) -> None:
         """All pings that are due."""
         world = self.take_scene()
-        if not self._take_poses() or world is None:
+        if not self._take_poses():
+            return
+        if world is None:
+            self._next = 0  # pings begin when there is something to see
             return
         horizon = self._horizon()
         for _ in range(_AT_ONCE):
