@@ -9,6 +9,7 @@ opens its page in headless Chromium, and prints JSON. Needs: sudo apt-get instal
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import shutil
@@ -73,8 +74,19 @@ def open_browser() -> webdriver.Chrome:
     return webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
 
 
+def cpu(processes: list[psutil.Process]) -> float:
+    """Processor time that processes have used so far [s]; ones that are gone count no more."""
+    used = 0.0
+    for process in processes:
+        with contextlib.suppress(psutil.Error):
+            times = process.cpu_times()
+            used += times.user + times.system
+    return used
+
+
 def measure(page: str, seconds: float, tabs: int) -> dict[str, Any]:
-    viewer = next(task for task in sonar("list", "--json")["tasks"] if task["type"] == "ViewerTask")
+    tasks = sonar("list", "--json")["tasks"]
+    viewer = next(task for task in tasks if task["type"] == "ViewerTask")
     process, browser = psutil.Process(viewer["pid"]), open_browser()
     try:
         for number in range(tabs):
@@ -88,6 +100,13 @@ def measure(page: str, seconds: float, tabs: int) -> dict[str, Any]:
         else:
             raise SystemExit(f"the page drew no image of {SOURCE} within 30 s; see: sonar list")
         time.sleep(SETTLING)
+        service = psutil.Process(browser.service.process.pid)
+        groups = {
+            "viewer": [process],
+            "sonar": [psutil.Process(task["pid"]) for task in tasks if task["type"] == "MultibeamSonarTask"],
+            "browser": service.children(recursive=True),
+        }
+        before = {name: cpu(group) for name, group in groups.items()}
         ages, memory, times, drawn = [], [], [], []
         script = (
             f"const p = document.querySelector(\"[data-source='{SOURCE}']\");"
@@ -101,12 +120,14 @@ def measure(page: str, seconds: float, tabs: int) -> dict[str, Any]:
             times.append(time.monotonic())
             memory.append(process.memory_info().rss / 1e6)
             time.sleep(0.2)
+        used = {name: cpu(group) - before[name] for name, group in groups.items()}
     finally:
         browser.quit()
     slope = float(np.polyfit(times, memory, 1)[0]) * 3600
     return {
         "age_ms": {name: round(float(np.percentile(ages, p)), 1) for name, p in (("median", 50), ("p95", 95))},
         "drawn_hz": round((drawn[-1] - drawn[0]) / (times[-1] - times[0]), 2),
+        "cpu_ms_per_image": {name: round(1000 * s / max(drawn[-1] - drawn[0], 1), 1) for name, s in used.items()},
         "viewer_memory_mb": {
             "first": round(memory[0], 1),
             "last": round(memory[-1], 1),

@@ -148,12 +148,13 @@ export class Panel {
 
   draw() {
     if (!this.table || !this.image.beams) return;
+    const anew = this.image.stale; // another size, shape, tone or colour map: then rings and colour bar change too
     this.image.colour(this.tone(), this.colours.maps[this.controls.map.value], this.colours.noData, false);
     const { index } = this.table, { words } = this, { colours } = this.image;
     for (let i = 0; i < index.length; i++) words[i] = index[i] < 0 ? 0 : colours[index[i]];
     this.context.putImageData(this.picture, this.margin[0], this.margin[1]);
-    this.drawOver();
-    this.drawScale();
+    if (anew || this.image.turning) this.drawOver();
+    if (anew) this.drawScale();
     this.read();
     this.node.dataset.time = this.image.time;
     this.node.dataset.drawn = (Number(this.node.dataset.drawn) || 0) + 1;
