@@ -12,7 +12,7 @@ from sonar_component.devices.micron_head import MicronHead
 from sonar_component.devices.pty import PtyLink
 from sonar_component.devices.station import Station
 from sonar_component.devices.turning import beam_maker, sonar_of
-from sonar_component.settings.quantity import Angle, Duration
+from sonar_component.settings.quantity import Angle, Duration, Ratio
 from sonar_component.sonars.scanning_settings import ScanningSettings
 from sonar_component.sonars.settings import AttenuationProperties
 
@@ -28,6 +28,7 @@ class MicronProperties(EndpointProperties, ScanningSettings):
 
     beam_width: Angle = 3 * _DEG
     beam_height: Angle = 35 * _DEG
+    accuracy: Ratio = 0.1  # the device's pace comes before the last percent of an image
     enable_attenuation: bool = True
     attenuation_properties: AttenuationProperties = AttenuationProperties(frequency=700e3, salinity=35.0)
     pty: str = Field("micron.tty", min_length=1, description="name of the serial line to make")

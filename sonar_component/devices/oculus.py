@@ -18,7 +18,7 @@ from sonar_component.devices.station import Station, Wire
 from sonar_component.devices.tcp import TcpServer
 from sonar_component.devices.udp import UdpLink
 from sonar_component.samples import Sonar
-from sonar_component.settings.quantity import Angle, Duration, Frequency, Length
+from sonar_component.settings.quantity import Angle, Duration, Frequency, Length, Ratio
 from sonar_component.sonars.settings import AttenuationProperties, ForwardLookingSettings
 
 _DEG = math.pi / 180
@@ -33,6 +33,7 @@ class OculusProperties(EndpointProperties, ForwardLookingSettings):
     """
 
     bin_count: int = Field(500, ge=1, le=4096)
+    accuracy: Ratio = 0.1  # the device's pace comes before the last percent of an image
     enable_attenuation: bool = True
     attenuation_properties: AttenuationProperties = AttenuationProperties(frequency=1e6, salinity=35.0)
     tcp: Address = Field("127.0.0.1:52100", min_length=1, description="HOST:PORT to serve; clients expect port 52100")

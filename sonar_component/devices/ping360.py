@@ -16,7 +16,7 @@ from sonar_component.devices.pty import PtyLink
 from sonar_component.devices.station import Station, Wire
 from sonar_component.devices.turning import beam_maker, sonar_of
 from sonar_component.devices.udp import UdpLink
-from sonar_component.settings.quantity import Angle, Duration
+from sonar_component.settings.quantity import Angle, Duration, Ratio
 from sonar_component.sonars.scanning_settings import ScanningSettings
 from sonar_component.sonars.settings import AttenuationProperties
 
@@ -32,6 +32,7 @@ class Ping360Properties(EndpointProperties, ScanningSettings):
 
     beam_width: Angle = 2 * _DEG
     beam_height: Angle = 25 * _DEG
+    accuracy: Ratio = 0.1  # the device's pace comes before the last percent of an image
     enable_attenuation: bool = True
     attenuation_properties: AttenuationProperties = AttenuationProperties(frequency=740e3, salinity=35.0)
     udp: Address = Field("127.0.0.1:12345", description="HOST:PORT to serve; empty: none")

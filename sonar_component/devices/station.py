@@ -224,13 +224,13 @@ class Station:
             return
         self._given = self._ready = None
         outgoing = self.head.finish(sample, now)
-        self._account(self._send(outgoing), now - order.due)
+        self._account(now - order.due)  # before a client can ask
+        self._timing.unsent += not self._send(outgoing)
         for listener in self._listeners:
             listener(sample, outgoing)
 
-    def _account(self, left: bool, lateness: float) -> None:
+    def _account(self, lateness: float) -> None:
         self._timing.pings += 1
-        self._timing.unsent += not left
         self._timing.late += lateness > LATE
         self._lateness.append(lateness)
 

@@ -32,7 +32,7 @@ def sonar(*arguments: object) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("ping360", "--udp", "127.0.0.1"), "--udp: must be HOST:PORT with a port of 0 to 65535"),
+        (("ping360", "--udp", "127.0.0.1"), "--udp: udp: must be HOST:PORT with a port of 0 to 65535"),
         (("ping360", "--udp", "127.0.0.1:70000"), "got '127.0.0.1:70000'"),
         (("ping360", "--udp", "sonar.local:1"), "must begin with an IPv4 address or localhost"),
         (("ping360", "--udp", "0.0.0.0:12345"), "must be at 127.0.0.1, or allow_remote must be true as well"),

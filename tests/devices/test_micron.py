@@ -101,7 +101,7 @@ def test_the_echoes_are_those_of_sonar_ping(client: Client, room: Path, tmp_path
     reach = BINS * INTERVAL * 640e-9 * SPEED_OF_SOUND / 2
     sonar.write_text(
         f"kind: scanning\nrange: {reach!r} m\nbin_count: {BINS}\nbeam_width: 3 deg\nbeam_height: 35 deg\n"
-        "enable_attenuation: true\nattenuation_properties: {frequency: 700 kHz, salinity: 35}\n"
+        "enable_attenuation: true\naccuracy: 0.1\nattenuation_properties: {frequency: 700 kHz, salinity: 35}\n"
     )
     command = ["ping", "--scene", room, "--sonar", sonar, "--bearing-deg", 0, "--out", out]
     subprocess.run([sys.executable, "-m", "sonar_component", *map(str, command)], check=True, capture_output=True)

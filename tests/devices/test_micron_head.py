@@ -176,7 +176,14 @@ def test_samples_of_4_bits_show_the_window_the_first_in_the_high_half(bench: Ben
 
 @pytest.mark.parametrize(
     "changes",
-    [{"ad_interval": 0}, {"ad_interval": 65535}, {"step": 0}, {"left": 6400}, {"right": 60000}, {"bin_count": 0}],
+    [
+        {"ad_interval": 0},
+        {"ad_interval": 65535},
+        {"step": 0},
+        {"left": 6400},
+        {"right": 60000},
+        {"bin_count": 1, "ad_interval": 1},
+    ],
 )
 def test_settings_that_no_ping_can_be_made_with_are_not_taken(bench: Bench, changes: dict[str, int]) -> None:
     configure(bench, dataclasses.replace(COMMAND, **changes))

@@ -131,7 +131,7 @@ def test_the_echoes_are_those_of_sonar_ping(client: Any, room: Path, tmp_path: P
     reach = SAMPLES * PERIOD * 25e-9 * SPEED_OF_SOUND / 2
     sonar.write_text(
         f"kind: scanning\nrange: {reach!r} m\nbin_count: {SAMPLES}\nbeam_width: 2 deg\nbeam_height: 25 deg\n"
-        "enable_attenuation: true\nattenuation_properties: {frequency: 740 kHz, salinity: 35}\n"
+        "enable_attenuation: true\naccuracy: 0.1\nattenuation_properties: {frequency: 740 kHz, salinity: 35}\n"
     )
     command = ["ping", "--scene", room, "--sonar", sonar, "--bearing-deg", -90, "--out", out]
     subprocess.run([sys.executable, "-m", "sonar_component", *map(str, command)], check=True, capture_output=True)
