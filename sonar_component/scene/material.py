@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_REFLECTANCE = 1e6  # [-], 120 dB of energy: keeps the sums of any image far from float32's end
+
 
 @dataclass(frozen=True, eq=False)
 class Material:
@@ -15,7 +17,7 @@ class Material:
     Attributes
     ----------
     name : as the file or the user calls it.
-    reflectance : R > 0 [-], multiplies the echo strength; 1 is the reference.
+    reflectance : 0 < R <= MOST_REFLECTANCE [-], multiplies the echo strength; 1 is the reference.
     normal_map : (h, w, 3) uint8 tangent-space normals, 128 is zero, +Y up, first row on top, or None.
     reflectance_map : (h, w) uint8, 255 keeps `reflectance`, 0 mutes it, first row on top, or None.
     """
@@ -26,5 +28,6 @@ class Material:
     reflectance_map: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.reflectance) and self.reflectance > 0):
-            raise ValueError(f"material '{self.name}': reflectance must be greater than 0, got {self.reflectance}")
+        if not 0 < self.reflectance <= MOST_REFLECTANCE:
+            allowed = f"greater than 0 and at most {MOST_REFLECTANCE:g}"
+            raise ValueError(f"material '{self.name}': reflectance must be {allowed}, got {self.reflectance}")
