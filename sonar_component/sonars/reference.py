@@ -23,6 +23,7 @@ AGREEMENT = 1e-3  # [-], of successive doublings, in both errors
 _FIRST = (4, 256)  # [-], columns per beam and rows of the first grid
 _MOST = (64, 8192)  # [-], of the last
 _CHUNK = 1 << 20  # [-], rays at a time
+_RESIDUE = 1e-12  # [-], of a beam's solid angle
 _GOLDEN = 0.6180339887498949
 
 
@@ -197,6 +198,8 @@ def _integrate(
     for first in range(0, count, per_chunk):
         chosen = np.arange(first, min(first + per_chunk, count))
         _add_beams(sums, chosen, caster, beams, range_max / bin_count, transfer, columns, rows)
+    # What the running sums leave behind, 1e-16 of a beam, is no surface; a mean of it would be any number.
+    sums[:, sums[0] < _RESIDUE * beams.solid_angle[:, None]] = 0.0
     return Sums(sums[0], sums[1], sums[2], beams.solid_angle)
 
 
