@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_BYTES = 1 << 30  # [B] of one array: 8 million triangles, or the texels of five pictures of 8192 x 8192
+
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 

@@ -10,7 +10,7 @@ bodies:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -38,17 +38,32 @@ def read_scene_file(path: Path, search_path: Sequence[str | Path] = ()) -> World
     SettingsErrors
         All mistakes at once, each with file, line and key: unknown keys, missing or broken meshes, unknown materials.
     """
-    document = load_yaml(path)
-    return _Reader(path, document, validate(SceneSettings, document), search_path).world()
+    return read_scene(load_yaml(path), path, search_path)
+
+
+def read_scene(
+    document: Document,
+    path: Path,
+    search_path: Sequence[str | Path] = (),
+    materials: Mapping[str, Material] | None = None,
+) -> World:
+    """Read a scene from a document, with files looked for beside `path`; `materials` may be named besides its own."""
+    return _Reader(path, document, validate(SceneSettings, document), search_path, materials or {}).world()
 
 
 class _Reader:
     """One reading of one file: collects mistakes, so that all are told at once."""
 
     def __init__(
-        self, path: Path, document: Document, settings: SceneSettings, search_path: Sequence[str | Path]
+        self,
+        path: Path,
+        document: Document,
+        settings: SceneSettings,
+        search_path: Sequence[str | Path],
+        given: Mapping[str, Material],
     ) -> None:
         self.path, self.document, self.settings, self.search_path = path, document, settings, search_path
+        self.given = given
         self.errors: list[SettingsError] = []
         self.warnings: list[str] = []
         self.materials: dict[str, Material] = {}
@@ -103,12 +118,12 @@ class _Reader:
     def _chosen(self, key: tuple[str, ...], choice: str | MaterialSettings) -> Material:
         if isinstance(choice, MaterialSettings):
             return self._material(key[-1] if key[-2] == "materials" else key[1], choice)
-        known = self.settings.materials
+        known = {**self.given, **self.settings.materials}
         if choice not in known:
             hint = suggest(choice, known) or f"; materials: {', '.join(known) or 'none'}"
             raise self.document.error(key, f'no material "{choice}" in this file{hint}')
         # One that could not be read has been told already; a stand-in lets the rest be checked.
-        return self.materials.get(choice) or Material(choice)
+        return self.materials.get(choice) or self.given.get(choice) or Material(choice)
 
     def _body(self, name: str, settings: BodySettings) -> Body:
         parts = self._parts(name, settings)

@@ -76,7 +76,7 @@ class World:
         if not body.moving:
             # Renderers may have merged it with other static bodies: from now on it is one that moves.
             body.moving = True
-            self._geometry_changed()
+            self.geometry_version += 1
         self.pose_version += 1
 
     def set_material(self, name: str, material: Material, part: str | None = None) -> None:
@@ -103,7 +103,9 @@ class World:
     def from_description(cls, sample: SceneDescription) -> World:
         """Return the world that `to_description` described; ValueError when the arrays contradict each other."""
         bodies, warnings = description.to_bodies(sample)
-        return cls(bodies, warnings)
+        world = cls(bodies, warnings)
+        world._content_hash = sample.content_hash  # just checked; computing it again takes as long as all the rest
+        return world
 
     def body_poses(self, time: int) -> BodyPoses:
         """Return the poses of all bodies in the order of the description; `time` [us] is when they are true."""

@@ -6,18 +6,21 @@ sonars. It belongs into a process of its own, where its drawing shares nothing w
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from sonar_component.middleware.ports import InputPort, OutputPort
 from sonar_component.middleware.task import NoProperties, PortDriven, Task
-from sonar_component.render.camera import Camera, View, Water
+from sonar_component.render.water import Water
 from sonar_component.samples import Frame, RigidBodyState
-from sonar_component.samples.scene_description import BodyPoses, SceneDescription
-from sonar_component.scene.world import World
+from sonar_component.samples.scene_description import MOST_BYTES, BodyPoses, SceneDescription
+from sonar_component.scene.replica import Replica
 from sonar_component.settings.quantity import Angle, Frequency, Length
+
+if TYPE_CHECKING:
+    from sonar_component.render.camera import Camera, View
 
 PerMetre = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
@@ -49,7 +52,7 @@ class CameraTask(Task):
         RigidBodyState, required=True, doc="Pose of the camera in the world; it looks along X."
     )
     scene: InputPort[SceneDescription] = InputPort(
-        SceneDescription, required=True, automatic=True, doc="The world to look at."
+        SceneDescription, required=True, automatic=True, max_bytes=MOST_BYTES, doc="The world to look at."
     )
     body_poses: InputPort[BodyPoses] = InputPort(BodyPoses, automatic=True, doc="Where its moving bodies are.")
     camera_samples: OutputPort[Frame] = OutputPort(Frame, queue=2, doc="Pictures, sRGB, row 0 on top.")
@@ -58,23 +61,23 @@ class CameraTask(Task):
         """Nothing is opened before a picture is wanted."""
         self._context: Any = None
         self._camera: Camera | None = None
-        self._world: World | None = None
+        self._replica = Replica()
         self._due = 0
         return True
 
     def update_hook(self) -> None:
         """Draw from the newest pose, if a picture is wanted and due."""
-        self._take_scene()
+        world = self._replica.take(self.scene.read_new(), self.body_poses.read_new())
         pose = self.camera_pose_cmd.latest()
         if not (self.properties.enabled and self.camera_samples.connected()):
             self._close()
             return
-        if pose is None or self._world is None or self.now() < self._due:
+        if pose is None or world is None or self.now() < self._due:
             return
         self._due = self.now() + round(1e6 / self.properties.rate)
         camera = self._open()
         camera.view, camera.water = self._view(), self._water()
-        image = camera.draw(self._world, pose.transform())
+        image = camera.draw(world, pose.transform())
         self.camera_samples.write(Frame(time=pose.time, image=image, channels="red,green,blue"))
 
     def cleanup_hook(self) -> None:
@@ -83,6 +86,7 @@ class CameraTask(Task):
 
     def _open(self) -> Camera:
         from sonar_component.gl import create_context
+        from sonar_component.render.camera import Camera
 
         if self._camera is None:
             self._context = create_context(self.properties.device)
@@ -96,16 +100,11 @@ class CameraTask(Task):
             self._camera = self._context = None
 
     def _view(self) -> View:
+        from sonar_component.render.camera import View
+
         p = self.properties
         return View(p.width, p.height, p.field_of_view)
 
     def _water(self) -> Water:
         p = self.properties
         return Water(p.absorption, p.scattering, p.surface)
-
-    def _take_scene(self) -> None:
-        description, poses = self.scene.read_new(), self.body_poses.read_new()
-        if description is not None:
-            self._world = World.from_description(description)
-        if poses is not None and self._world is not None:
-            self._world.apply_poses(poses)

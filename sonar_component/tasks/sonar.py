@@ -11,7 +11,8 @@ from pydantic import BaseModel, Field, model_validator
 from sonar_component.middleware.ports import InputPort, OutputPort
 from sonar_component.middleware.task import PortDriven, Task
 from sonar_component.samples import Frame, RigidBodyState, Sonar
-from sonar_component.samples.scene_description import BodyPoses, SceneDescription
+from sonar_component.samples.scene_description import MOST_BYTES, BodyPoses, SceneDescription
+from sonar_component.scene.replica import Replica
 from sonar_component.settings.errors import SettingsError
 from sonar_component.tasks.mount import Mount, MountProperties, find_mount
 
@@ -56,13 +57,11 @@ class SonarTask(Task):
         doc="Pose of the vehicle in the world; of the sonar, where it has no mount.",
     )
     scene: InputPort[SceneDescription] = InputPort(
-        SceneDescription, required=True, automatic=True, doc="The world to look at."
+        SceneDescription, required=True, automatic=True, max_bytes=MOST_BYTES, doc="The world to look at."
     )
     body_poses: InputPort[BodyPoses] = InputPort(BodyPoses, automatic=True, doc="Where its moving bodies are.")
     sonar_samples: OutputPort[Sonar] = OutputPort(Sonar, queue=8, doc="One image per ping.")
     shader_image: OutputPort[Frame] = OutputPort(Frame, doc="Echo strength, range and bearing of each sample.")
-
-    _world: World | None = None
 
     @classmethod
     def check(cls, properties: Any, beside: str | Path | None) -> list[tuple[str, str]]:
@@ -88,7 +87,7 @@ class SonarTask(Task):
         """Take what belongs to the task from its properties; returns why that cannot be, or the empty string."""
         p = self.properties
         self._rng = np.random.default_rng(p.seed)
-        self._world, self._mount = None, None
+        self._replica, self._mount = Replica(), None
         for line in p.doubts():
             self.log.warning("%s", line)
         try:
@@ -111,19 +110,10 @@ class SonarTask(Task):
 
     def take_scene(self) -> World | None:
         """The world as it is now; None, and a note, while none has come."""
-        from sonar_component.scene.world import World
-
-        description = self.scene.read_new()
-        if description is not None:
-            self._world = World.from_description(description)
-            for warning in self._world.warnings:
-                self.log.warning("scene: %s", warning)
-        poses = self.body_poses.read_new()
-        if poses is not None and self._world is not None:
-            self._world.apply_poses(poses)
-        if self._world is None:
+        world = self._replica.take(self.scene.read_new(), self.body_poses.read_new())
+        if world is None:
             self.note(NO_SCENE, "waits for a scene description on the port scene")
-        return self._world
+        return world
 
     def wanted(self) -> bool:
         """Whether anybody listens."""

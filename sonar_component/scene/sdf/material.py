@@ -10,8 +10,8 @@
     </visual>
 
 `sonar:reflectance_map` is a grey picture: white keeps the reflectance, black mutes it. `sonar:reflectance` may also
-stand in a visual, a link or a model, for all that is inside; the innermost counts. Colours and textures are for eyes and
-change nothing here.
+stand in a visual, a link or a model, for all that is inside; the innermost counts. Colours and textures are for eyes
+and change nothing here.
 """
 
 from __future__ import annotations
