@@ -55,10 +55,9 @@ def test_the_javascript_reader_reads_a_live_sonar(graph: Any) -> None:
     if shutil.which("node") is None:
         pytest.skip("node is not installed: apt install nodejs npm")
     if not modules.is_dir():
-        done = subprocess.run(
-            ["npm", "install", "--prefix", str(tools), "--no-audit", "--no-fund"], capture_output=True, check=False
-        )
-        if done.returncode:
+        patience = ["--fetch-retries=0", "--fetch-timeout=15000"]  # [ms]; npm's own is minutes, where nothing answers
+        command = ["npm", "install", "--prefix", str(tools), "--no-audit", "--no-fund", *patience]
+        if subprocess.run(command, capture_output=True, check=False).returncode:
             pytest.skip("the reader's packages cannot be fetched: npm install --prefix tools")
     graph.start(CHAIN.replace("beams: 256", "beams: 3").replace("bins: 500", "bins: 100"))
     with connect("fls.sonar_samples", timeout=20.0):
