@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+from sonar_component.cli.check import check_quickly
 
-from sonar_component.settings.errors import SettingsError
+if TYPE_CHECKING:
+    import typer
 
 _GROUPS = ("run", "ports", "tasks", "keys", "ping", "pictures", "emulate", "doctor", "bench")
 _INTERRUPTED = 130  # as shells have it: 128 + SIGINT
-# typer carries click inside from some version on; what both raise for a wrong command line is the base of this.
-_CommandLineError: Any = typer.BadParameter.__mro__[2]
 
 
 def build() -> typer.Typer:
     """The command with all its verbs."""
+    import typer
+
     app = typer.Typer(
         no_args_is_help=True, pretty_exceptions_enable=False, help="Real-time simulator of imaging sonar."
     )
@@ -34,22 +35,38 @@ def main(arguments: list[str] | None = None) -> None:
     arguments : list of str, optional
         Those of the process by default.
     """
+    given = sys.argv[1:] if arguments is None else arguments
     try:
-        given = sys.argv[1:] if arguments is None else arguments
-        code = build()(args=given or ["--help"], prog_name="sonar", standalone_mode=False)
-    except SettingsError as error:
-        print(error, file=sys.stderr)
-        sys.exit(2)
-    except _CommandLineError as error:
-        print(_one_line(error), file=sys.stderr)
-        sys.exit(2)
-    except (KeyboardInterrupt, typer.Abort):
-        sys.exit(_INTERRUPTED)
+        quick = check_quickly(given)
+        code = _parse(given) if quick is None else quick
+    except KeyboardInterrupt:
+        code = _INTERRUPTED
     except OSError as error:  # a full disk, a folder that may not be written: the machine's word, not a traceback
         where = f"{error.filename}: " if error.filename else ""
         print(f"{where}{error.strerror or error}", file=sys.stderr)
-        sys.exit(1)
-    sys.exit(code if isinstance(code, int) else 0)
+        code = 1
+    sys.exit(code)
+
+
+def _parse(given: list[str]) -> int:
+    """Hand the arguments to the verb that they name; the exit code."""
+    import typer
+
+    from sonar_component.settings.errors import SettingsError
+
+    # typer carries click inside from some version on; what both raise for a wrong command line is the base of this.
+    wrong: Any = typer.BadParameter.__mro__[2]
+    try:
+        code = build()(args=given or ["--help"], prog_name="sonar", standalone_mode=False)
+    except SettingsError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except wrong as error:
+        print(_one_line(error), file=sys.stderr)
+        return 2
+    except typer.Abort:
+        return _INTERRUPTED
+    return code if isinstance(code, int) else 0
 
 
 def _one_line(error: Any) -> str:

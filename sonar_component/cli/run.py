@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import typer
+
+from sonar_component.cli.check import check_files
 
 
 def register(app: typer.Typer) -> None:
@@ -42,26 +43,9 @@ def check(
     as_json: bool = typer.Option(False, "--json", help="Print what each deployment comes to."),
 ) -> None:
     """Find every mistake of deployments without starting anything."""
-    from sonar_component.middleware.deployment import check_deployment
-    from sonar_component.settings.errors import SettingsError
-    from sonar_component.settings.paths import find_file
-
-    wrong = False
-    for file in files:
-        try:
-            plan = check_deployment(find_file(file))
-        except SettingsError as error:
-            print(error, file=sys.stderr)
-            wrong = True
-            continue
-        if as_json:
-            print(plan.to_json())
-        else:
-            processes = {task.process for task in plan.tasks}
-            tasks, lines = len(plan.tasks), len(plan.connections)
-            print(f"{file}: good: {tasks} tasks in {len(processes)} processes, {lines} connections")
-    if wrong:
-        raise typer.Exit(2)
+    code = check_files(files, as_json)
+    if code:
+        raise typer.Exit(code)
 
 
 def chosen_host(hosts: dict[str, Any], name: str) -> str:

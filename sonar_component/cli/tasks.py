@@ -66,7 +66,7 @@ def get(name: str = PROPERTY, as_json: bool = JSON, timeout: float = TIMEOUT, in
 
 
 def set_property(
-    name: str = typer.Argument(..., metavar="TASK.PROPERTY"),
+    name: str = typer.Argument(..., metavar="TASK.PROPERTY", help="A property of a running task."),
     value: str = typer.Argument(..., help='As in YAML: 30 m, 0.5, true, "text".'),
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
@@ -78,8 +78,8 @@ def set_property(
 
 
 def call(
-    operation: str = typer.Argument(..., metavar="TASK.OPERATION"),
-    arguments: list[str] = typer.Argument(None, metavar="[NAME=VALUE]..."),
+    operation: str = typer.Argument(..., metavar="TASK.OPERATION", help="An operation of a running task."),
+    arguments: list[str] = typer.Argument(None, metavar="[NAME=VALUE]...", help="Values are written as in YAML."),
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,

@@ -30,7 +30,8 @@ INVALID_INPUT = "INVALID_INPUT"
 class NoProperties(BaseModel):
     """Properties of a task that has none; the base of those that have."""
 
-    model_config = ConfigDict(extra="forbid", validate_default=True)
+    # Most models are bases or parts of others: only what is used is compiled, when it is.
+    model_config = ConfigDict(extra="forbid", validate_default=True, defer_build=True)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sonar_component.gl import load_program, set_uniforms
 from sonar_component.render.geometry import Geometry
 from sonar_component.render.packing import instance_format
+from sonar_component.render.water import Water as Water
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
@@ -27,26 +28,6 @@ _VANISHED = 7.0  # [-] optical lengths: e^-7 is under half a step of 8 bits
 _GAMMA = 1 / 2.2  # [-], linear light to sRGB, near enough for a picture that is looked at
 _BRIGHT = 0.7  # [-] of full scale, where exposure puts the brightest hundredth of the picture
 _MOST_EXPOSURE = 1e4  # [-], for the dark below 100 m
-
-
-@dataclass(frozen=True)
-class Water:
-    """Optical properties of the water.
-
-    Attributes
-    ----------
-    absorption : (3,) floats
-        Of red, green and blue light [1/m]. Default: pure water at 650, 525 and 450 nm (Pope and Fry, Appl. Opt. 36,
-        1997, table 3).
-    scattering : float
-        By particles, the same for all colours [1/m]; 0.04 is clear coastal water.
-    surface : float
-        Height of the water's surface in the world [m].
-    """
-
-    absorption: tuple[float, float, float] = (0.340, 0.0417, 0.00922)
-    scattering: float = 0.04
-    surface: float = 0.0
 
 
 @dataclass(frozen=True)

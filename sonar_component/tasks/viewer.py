@@ -9,7 +9,7 @@ several sonars, and one that is broken must not hide the others.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -19,10 +19,11 @@ from sonar_component.middleware.ports import Connection, InputPort, invalid_reas
 from sonar_component.middleware.task import NoProperties, PortDriven, Task
 from sonar_component.samples import Frame, Sonar
 from sonar_component.samples.scene_description import BodyPoses, SceneDescription
-from sonar_component.scene.world import World
 from sonar_component.settings.quantity import Duration
 from sonar_component.tasks.page import LOOPBACK
-from sonar_component.tasks.page.board import Board
+
+if TYPE_CHECKING:
+    from sonar_component.scene.world import World
 
 PORT_IN_USE = "PORT_IN_USE"
 
@@ -64,6 +65,8 @@ class ViewerTask(Task):
 
     def configure_hook(self) -> bool | None:
         """See whether the page can be built at all."""
+        from sonar_component.tasks.page.board import Board  # worlds and pictures: `sonar check` has no use for them
+
         self.board = Board()
         self._scene: World | None = None
         self._server: Any = None
@@ -160,6 +163,8 @@ class ViewerTask(Task):
                     self.board.put_camera(received.sample)
 
     def _take_scene(self) -> None:
+        from sonar_component.scene.world import World
+
         description, poses = self.scene.read_new(), self.body_poses.read_new()
         if description is not None:
             self._scene = World.from_description(description)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -63,7 +64,8 @@ def test_every_verb_explains_itself(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_every_verb_but_run_prints_json() -> None:
     without = {name for name, verb in verbs().items() if "--json" not in [o for p in verb.params for o in p.opts]}
-    doing = {"run", "emulate", "record", "replay", "set", "call"}  # the others print what they found
+    doing = {"run", "emulate", "record", "replay", "set", "call", "keys"}  # the others print what they found
+    doing |= {"schema"}  # is JSON in any case
     assert without <= doing
 
 
@@ -110,3 +112,24 @@ def test_a_verb_that_only_looks_imports_no_renderer(arguments: list[str]) -> Non
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_check_imports_neither_the_command_line_library_nor_what_draws() -> None:
+    # An editor runs it at every save: what it imports is its time.
+    unwanted = (*HEAVY, "typer", "rich", "zmq", "msgpack", "sonar_component.gl", "sonar_component.pictures")
+    code = (
+        "import sys; from sonar_component.cli.app import main\n"
+        "try: main(['check', 'deploy/wreck_with_camera.yaml'])\n"
+        "finally: print([name for name in sys.argv[1:] if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *unwanted], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.splitlines()[1:]) == (0, ["[]"]), done.stderr
+
+
+def test_a_check_says_the_same_however_it_is_asked(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    good, wrong = "deploy/demo.yaml", tmp_path / "wrong.yaml"
+    wrong.write_text("version: 1\ntasks: {a: {type: ScneTask}}\n", encoding="utf-8")
+    quick, parsed = run(capsys, "check", good, str(wrong)), run(capsys, "check", "--", good, str(wrong))
+    assert quick == parsed
+    assert quick[0] == 2
+    assert "wrong.yaml:2:" in quick[2]

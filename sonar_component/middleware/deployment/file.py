@@ -13,7 +13,7 @@ MAX_BUFFER = 100_000  # [samples]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", populate_by_name=True, defer_build=True)  # only the outermost is used
 
 
 PositiveDuration = Annotated[Duration, Field(gt=0)]

@@ -1,0 +1,53 @@
+"""What `sonar check` does, apart from how it is called.
+
+Editors run it at every save, so it must be there in a moment: `check_quickly` does without the command line's library
+(typer), which takes a fifth of the time, where the arguments are files alone and nothing is left to be parsed.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+
+def check_quickly(arguments: Sequence[str]) -> int | None:
+    """Exit code of ``sonar check FILE...``; None where that is not what was asked."""
+    verb, *files = arguments or [""]
+    if verb != "check" or not files or any(file.startswith("-") for file in files):
+        return None
+    # To find plugins, pydantic reads the metadata of every installed package; a check has no use for any.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # Nor does a process that ends at once need its garbage collected: with it, imports take a tenth longer.
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        return check_files(files)
+    finally:
+        if collecting:
+            gc.enable()
+
+
+def check_files(files: Iterable[str | Path], as_json: bool = False) -> int:
+    """Print what each deployment comes to, and every mistake to stderr; the exit code."""
+    from sonar_component.middleware.deployment import check_deployment
+    from sonar_component.settings.errors import SettingsError
+    from sonar_component.settings.paths import find_file
+
+    wrong = False
+    for file in files:
+        try:
+            plan = check_deployment(find_file(file))
+        except SettingsError as error:
+            print(error, file=sys.stderr)
+            wrong = True
+            continue
+        if as_json:
+            print(plan.to_json())
+        else:
+            processes = {task.process for task in plan.tasks}
+            tasks, lines = len(plan.tasks), len(plan.connections)
+            print(f"{file}: good: {tasks} tasks in {len(processes)} processes, {lines} connections")
+    return 2 if wrong else 0
