@@ -74,12 +74,19 @@ def schema_of(cls: type) -> Schema:
 def _field(cls: type, name: str, hint: Any) -> Field:
     if hint in _SCALARS:
         return Field(name, _SCALARS[hint])
-    if typing.get_origin(hint) is np.ndarray:
-        scalar = typing.get_args(typing.get_args(hint)[1])[0]
+    array = _unfolded(hint)
+    if typing.get_origin(array) is np.ndarray:
+        scalar = typing.get_args(typing.get_args(array)[1])[0]
         if scalar in (np.generic, Any):
             return Field(name, "array")
         return Field(name, "array", wire_dtype(np.dtype(scalar)))
     raise TypeError(f"{cls.__name__}.{name}: a sample holds int, float, str, bool and arrays, not {hint}")
+
+
+def _unfolded(hint: Any) -> Any:
+    """``NDArray[T]`` as ``ndarray[shape, dtype[T]]``: with numpy 2.5 it is an alias that keeps its name."""
+    value = getattr(typing.get_origin(hint), "__value__", None)
+    return hint if value is None else value[typing.get_args(hint)]
 
 
 def wire_dtype(dtype: np.dtype[Any]) -> str:
