@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 KINDS = ("data", "buffer", "circular_buffer", "reliable")
 
@@ -79,8 +79,7 @@ class Account:
         return {**self.__dict__, "rejected": dict(self.rejected)}
 
 
-@dataclass(frozen=True)
-class Received:
+class Received(NamedTuple):
     """A sample as it waits to be read: data time [us], sequence, local arrival [s, monotonic]."""
 
     sample: Any

@@ -252,12 +252,12 @@ class OutputPort(_Port, Generic[T]):
         """
         if not isinstance(sample, self.sample_type):
             raise TypeError(f"{self.full_name} takes {self.sample_type.__name__}, got {type(sample).__name__}")
-        freeze(sample)
         with self._lock:
             self.seq += 1
             received = Received(sample, int(getattr(sample, "time", 0)), self.seq, time.monotonic())
             self.last = received
             delivered = self.carrier.publish(sample, received.time, self.seq) if self.carrier else True
+            freeze(sample)  # after what is far away, which it would only delay: nobody here has the sample yet
             for connection in self.local:
                 delivered &= not connection.mailbox.full
                 connection.deliver(received)

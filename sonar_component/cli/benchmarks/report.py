@@ -71,8 +71,17 @@ def _show_scaling(console: Console, results: dict[str, Any]) -> None:
 
 
 def _show_transport(console: Console, results: dict[str, Any]) -> None:
-    for kind, row in results.items():
-        console.print(kind, row)
+    table = Table("sample", title="Typed write to typed read over ipc, beside raw pyzmq in the same run")
+    for heading in ("ours p50 [us]", "p99", "raw p50 [us]", "p99", "ours / raw", "target", "met"):
+        table.add_column(heading, justify="right")
+    for kind, row in ((kind, row) for kind, row in results.items() if isinstance(row, dict)):
+        times = [f"{row[side][key]:.0f}" for side in ("ours_us", "raw_us") for key in ("p50", "p99")]
+        met = "yes" if row["ratio"] <= row["target"] else "no"
+        table.add_row(kind, *times, f"{row['ratio']:.2f}", f"<= {row['target']:g}", met)
+    console.print(table)
+    share, target = results["hz_cpu"], results["hz_target"]
+    met = "met" if share <= target else "not met"
+    console.print(f"sonar hz on 1 MB x 100 Hz: {share:.1%} of a core (target {target:.0%}: {met})")
 
 
 def plot(results: dict[str, Any], folder: Path) -> list[Path]:

@@ -48,7 +48,10 @@ class Publisher:
 
     def listeners(self) -> int:
         """Readers in other processes now."""
-        return self._subscribers + sum(outlet.listeners() for outlet in self._outlets)
+        count = self._subscribers
+        for outlet in self._outlets:
+            count += outlet.listeners()
+        return count
 
     def add(self, outlet: Publisher) -> None:
         """Send through one more socket: for a reliable reader, or for other hosts."""
@@ -61,7 +64,7 @@ class Publisher:
             return True
         frames = [self.topic, *self._pack(sample, time, seq)]
         self._offer(frames)
-        return all([outlet._offer(frames) for outlet in self._outlets])
+        return not self._outlets or all([outlet._offer(frames) for outlet in self._outlets])
 
     def _offer(self, frames: list[Any]) -> bool:
         with self._lock:

@@ -65,6 +65,7 @@ class Subscriber:
                 with suppress(zmq.ZMQError):  # it has forgotten the address
                     self._socket.disconnect(endpoint)
             self._socket.connect(endpoint)
+        self.serve()  # libzmq may have taken the descriptor's news while it connected
 
     def disconnected(self) -> bool:
         """Remember that the connection broke: what comes next tells why. True if it was whole before."""
