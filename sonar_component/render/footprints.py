@@ -20,6 +20,11 @@ _NEAREST = 1 / 2000  # [-], of the range: depth of 24 bits then parts surfaces t
 _DRAWN_BEYOND = 1.25  # [-], of the range: a cell whose centre lies beyond the last bin may still reach into it
 _CLIP_DISTANCE_0 = 0x3000  # GL_CLIP_DISTANCE0, which moderngl does not name
 _NORMAL_UNIT, _REFLECTANCE_UNIT = 0, 1  # where the pictures are bound
+_PICTURES = {"NORMAL_MAP", "REFLECTANCE_MAP"}
+# Columns of instances that one feature alone reads.
+_COLUMN_OF = {
+    "band": "WIDE_FAN", "id": "TRUTH", "normal_layer": "NORMAL_MAP", "reflectance_layer": "REFLECTANCE_MAP",
+}  # fmt: skip
 _SHADERS = "sonar_component.render.shaders"
 
 
@@ -36,6 +41,8 @@ class Optics:
         One way, of the amplitude [Np/m]; 0 leaves the code out of the shader.
     truth : bool
         Whether to write the id of the body too.
+    without : names of features
+        Left out although they are in use, to measure what they cost.
     """
 
     range_max: float
@@ -43,6 +50,7 @@ class Optics:
     sigmoid: tuple[float, float] | None = None
     attenuation: float = 0.0
     truth: bool = False
+    without: tuple[str, ...] = ()
 
 
 @dataclass
@@ -82,11 +90,14 @@ class FootprintRenderer:
             _DRAWN_BEYOND * optics.range_max,
         )
         X_DS, bands = self._projection(layout, optics)
-        commands, count = self.geometry.select(seen, X_DS, bands)
-        array = self._prepare_program(layout, optics)
+        defines = self.features(optics, len(layout.views))
+        wide = "WIDE_FAN" in defines
+        commands, count = self.geometry.select(seen, X_DS, bands if wide else None)
+        array = self._prepare_program(layout, optics, defines)
         self._context.enable_only(moderngl.DEPTH_TEST)
-        self._context.enable_direct(_CLIP_DISTANCE_0)
-        self._context.enable_direct(_CLIP_DISTANCE_0 + 1)
+        switch = self._context.enable_direct if wide else self._context.disable_direct
+        switch(_CLIP_DISTANCE_0)
+        switch(_CLIP_DISTANCE_0 + 1)
         if count:
             array.render_indirect(commands, count=count)
         return target
@@ -106,17 +117,18 @@ class FootprintRenderer:
                 program.array.release()
         self.geometry.release()
 
-    def features(self, optics: Optics) -> dict[str, object]:
+    def features(self, optics: Optics, views: int = 1) -> dict[str, object]:
         """#defines of the features in use."""
         wanted = {
+            "WIDE_FAN": views > 1,
             "SIGMOID": optics.sigmoid is not None,
             "ATTENUATION": bool(optics.attenuation),
-            "TEXTURED": self.geometry.textured,
             "NORMAL_MAP": self.geometry.has_normal_maps,
             "REFLECTANCE_MAP": self.geometry.has_reflectance_maps,
             "TRUTH": optics.truth,
         }
-        return {name: 1 for name, on in wanted.items() if on}
+        defines: dict[str, object] = {name: 1 for name, on in wanted.items() if on and name not in optics.without}
+        return defines | ({"TEXTURED": 1} if _PICTURES & defines.keys() else {})
 
     def _prepare_target(self, layout: Layout, optics: Optics) -> Target:
         components = 4 if optics.truth else 2
@@ -126,8 +138,7 @@ class FootprintRenderer:
             self._target = Target(self._context, layout.rows, layout.columns, components)
         return self._target
 
-    def _prepare_program(self, layout: Layout, optics: Optics) -> moderngl.VertexArray:
-        defines = self.features(optics)
+    def _prepare_program(self, layout: Layout, optics: Optics, defines: dict[str, object]) -> moderngl.VertexArray:
         key = tuple(defines)
         if key not in self._programs:
             sources = {"vertex_shader": "footprint.vert", "fragment_shader": "footprint.frag"}
@@ -136,12 +147,11 @@ class FootprintRenderer:
         if program.array is None or program.generation != self.geometry.generation:
             if program.array is not None:
                 program.array.release()
-            program.array, program.generation = self._bind(program.program, optics), self.geometry.generation
+            program.array, program.generation = self._bind(program.program, defines), self.geometry.generation
         if program.layout is not layout or program.optics != optics:
             program.layout, program.optics = layout, optics
-            set_uniforms(program.program, shear=layout.views[0].shear, column_count=float(layout.columns))
-            set_uniforms(program.program, range_max=optics.range_max)
-            self._set_optics(program.program, optics)
+            set_uniforms(program.program, shear=layout.views[0].shear, range_max=optics.range_max)
+            self._set_features(program.program, layout, optics, defines)
         # Reflectances may have changed with the world.
         set_uniforms(program.program, strength_max=strength_max(optics, self.geometry.reflectance_max))
         self._use_pictures()
@@ -156,15 +166,19 @@ class FootprintRenderer:
             self._projected = (layout, optics, X_DS, bands)
         return self._projected[2], self._projected[3]
 
-    def _set_optics(self, program: moderngl.Program, optics: Optics) -> None:
-        if optics.sigmoid is not None:
-            set_uniforms(program, sigmoid_slope=optics.sigmoid[0], sigmoid_centre=optics.sigmoid[1])
-        if optics.attenuation:
-            set_uniforms(program, attenuation=optics.attenuation)
-        if self.geometry.has_normal_maps:
-            set_uniforms(program, normal_maps=_NORMAL_UNIT)
-        if self.geometry.has_reflectance_maps:
-            set_uniforms(program, reflectance_maps=_REFLECTANCE_UNIT)
+    def _set_features(
+        self, program: moderngl.Program, layout: Layout, optics: Optics, defines: dict[str, object]
+    ) -> None:
+        slope, centre = optics.sigmoid or (0.0, 0.0)
+        uniforms: dict[str, dict[str, float]] = {
+            "WIDE_FAN": {"column_count": float(layout.columns)},
+            "SIGMOID": {"sigmoid_slope": slope, "sigmoid_centre": centre},
+            "ATTENUATION": {"attenuation": optics.attenuation},
+            "NORMAL_MAP": {"normal_maps": _NORMAL_UNIT},
+            "REFLECTANCE_MAP": {"reflectance_maps": _REFLECTANCE_UNIT},
+        }
+        for feature in uniforms.keys() & defines.keys():
+            set_uniforms(program, **uniforms[feature])
 
     def _use_pictures(self) -> None:
         loaded = self.geometry.loaded
@@ -174,13 +188,15 @@ class FootprintRenderer:
         if loaded.reflectance_maps is not None:
             loaded.reflectance_maps.use(_REFLECTANCE_UNIT)
 
-    def _bind(self, program: moderngl.Program, optics: Optics) -> moderngl.VertexArray:
+    def _bind(self, program: moderngl.Program, defines: dict[str, object]) -> moderngl.VertexArray:
         g = self.geometry
         assert g.loaded is not None
         layout, names = "3f 3f", ["in_position", "in_normal"]
-        if g.textured:
+        if "TEXTURED" in defines:
             layout, names = layout + " 2f", [*names, "in_uv"]
-        wanted = [name for name in g.columns.names or () if name != "id" or optics.truth]
+        elif g.textured:
+            layout += " 8x"
+        wanted = [name for name in g.columns.names or () if _COLUMN_OF.get(name, "") in ("", *defines)]
         instanced, of_instance = instance_format(g.columns, wanted)
         content = [(g.loaded.vertices, layout, *names), (g.instances, instanced, *of_instance)]
         return self._context.vertex_array(program, content, index_buffer=g.loaded.indices, index_element_size=4)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.render.loaded import Loaded, give_back, load
-from sonar_component.render.packing import COMMAND, pack
+from sonar_component.render.packing import COMMAND, pack, with_bands
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
@@ -32,6 +32,9 @@ class Geometry:
         self._world: World | None = None
         self._version = -1
         self._packed = pack(World())
+        self._instances = self._packed.instances  # with the columns that are drawn with
+        self._reflectance_max = 1.0
+        self._wide = False
         self._X_SM = np.zeros((0, 4, 4))
         self.generation = 0
         self.loaded: Loaded | None = None
@@ -61,12 +64,12 @@ class Geometry:
     @property
     def columns(self) -> np.dtype[np.void]:
         """Of the instances: see ``packing.instance_format``."""
-        return self._packed.instances.dtype
+        return self._instances.dtype
 
     @property
     def reflectance_max(self) -> float:
         """Greatest reflectance of any part."""
-        return float(self._packed.instances["reflectance"].max()) if not self.empty else 1.0
+        return self._reflectance_max
 
     @property
     def tile_radius(self) -> Array:
@@ -84,8 +87,8 @@ class Geometry:
             self.release()
             self.loaded = loaded
             self._packed = loaded.packed if loaded is not None else pack(World())
-            if loaded is not None:
-                self._reserve(_SPARE * len(self._packed.commands))
+            self._reflectance_max = float(self._packed.instances["reflectance"].max(initial=0.0)) or 1.0
+            self._choose_columns(self._wide)
         self._world, self._version = world, world.geometry_version
 
     def place(self, X_WS: Array) -> Array:
@@ -108,7 +111,9 @@ class Geometry:
         R, t = self._X_SM[:, :3, :3], self._X_SM[:, :3, 3]
         return np.asarray((R @ p.tile_centre[:, :, None])[:, :, 0] + t)
 
-    def select(self, seen: NDArray[np.bool_], X_DS: Array, bands: NDArray[np.float32]) -> tuple[moderngl.Buffer, int]:
+    def select(
+        self, seen: NDArray[np.bool_], X_DS: Array, bands: NDArray[np.float32] | None = None
+    ) -> tuple[moderngl.Buffer, int]:
         """Send the draws of the tiles that each view sees.
 
         Parameters
@@ -116,18 +121,21 @@ class Geometry:
         seen : (views, tiles) bool
         X_DS : (views, 4, 4) float64
             Sonar frame to clip space of each view.
-        bands : (views, 2) float32
-            First column and number of columns of each view.
+        bands : (views, 2) float32, optional
+            First column and number of columns of each view, where they share a target.
 
         Returns
         -------
         Buffer of indirect commands, and their number.
         """
+        if self._wide != (bands is not None):
+            self._choose_columns(bands is not None)
         views, chosen = np.nonzero(seen)
         X_SM = self._X_SM[chosen]
-        instances = self._packed.instances[chosen]
+        instances = self._instances[chosen]
         instances["X_SM"], instances["X_DM"] = X_SM[:, :3], X_DS[views] @ X_SM
-        instances["band"] = bands[views]
+        if bands is not None:
+            instances["band"] = bands[views]
         commands = self._packed.commands[chosen]
         commands["base_instance"] = np.arange(len(chosen))
         if self._commands is None or self._commands.size < commands.nbytes:
@@ -137,6 +145,12 @@ class Geometry:
         self.instances.write(instances)
         self._commands.write(commands)
         return self._commands, len(chosen)
+
+    def _choose_columns(self, wide: bool) -> None:
+        self._wide = wide
+        self._instances = with_bands(self._packed.instances) if wide else self._packed.instances
+        if self.loaded is not None:
+            self._reserve(_SPARE * len(self._packed.commands))
 
     def _reserve(self, draws: int) -> None:
         for buffer in (self._commands, self.instances):

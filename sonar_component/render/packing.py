@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 _ALWAYS = (
     ("X_SM", np.float32, (3, 4)),  # pose of the part in the sonar's frame [m]
     ("X_DM", np.float32, (4, 4)),  # the part's frame to the clip space of one view
-    ("band", np.float32, (2,)),  # first column and number of columns of that view
     ("reflectance", np.float32),
     ("id", np.uint32),  # of its body, from 1
 )
+_BAND = ("band", np.float32, (2,))  # first column and number of columns of the view, where there are several
 _NORMAL_LAYER = ("normal_layer", np.uint32)  # of its normal map, from 1; 0 is none
 _REFLECTANCE_LAYER = ("reflectance_layer", np.uint32)  # the same of its reflectance map
 COMMAND = np.dtype(
@@ -126,9 +126,17 @@ def pack(world: World) -> Packed:
     )
 
 
-def instance_type(normal_maps: bool, reflectance_maps: bool) -> np.dtype[np.void]:
+def instance_type(normal_maps: bool = False, reflectance_maps: bool = False) -> np.dtype[np.void]:
     """Columns of an instance: only those that the world needs."""
     return np.dtype([*_ALWAYS, *[_NORMAL_LAYER] * normal_maps, *[_REFLECTANCE_LAYER] * reflectance_maps])
+
+
+def with_bands(instances: NDArray[np.void]) -> NDArray[np.void]:
+    """The same instances with a column for the views of a wide fan."""
+    wider = np.zeros(len(instances), np.dtype([*instances.dtype.descr, _BAND]))
+    for name in instances.dtype.names or ():
+        wider[name] = instances[name]
+    return wider
 
 
 def instance_format(columns: np.dtype[np.void], wanted: Collection[str]) -> tuple[str, list[str]]:

@@ -285,9 +285,12 @@ def test_a_mesh_without_texture_coordinates_has_its_relief_all_the_same(draw: Dr
     assert np.abs(made[0] - flat[0])[inside].mean() > 0.1
 
 
-@pytest.mark.parametrize("feature", ["SIGMOID", "ATTENUATION", "TEXTURED", "NORMAL_MAP", "REFLECTANCE_MAP", "TRUTH"])
+@pytest.mark.parametrize(
+    "feature", ["WIDE_FAN", "SIGMOID", "ATTENUATION", "TEXTURED", "NORMAL_MAP", "REFLECTANCE_MAP", "TRUTH"]
+)
 def test_code_of_a_feature_not_in_use_is_not_in_the_source(feature: str) -> None:
     words = {
+        "WIDE_FAN": ["ClipDistance", "band", "column_count"],
         "SIGMOID": ["sigmoid"],
         "ATTENUATION": ["attenuation"],
         "TEXTURED": [r"in vec2 uv", "in_uv"],

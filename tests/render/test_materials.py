@@ -157,14 +157,14 @@ def test_a_flat_normal_map_changes_nothing(draw: Draw) -> None:
 
 
 def test_a_scene_without_pictures_has_no_column_for_them() -> None:
-    names = instance_type(False, False).names
+    names = instance_type().names
     assert names is not None
     assert not [name for name in names if "layer" in name]
     picture = np.full((2, 2), 9, np.uint8)
     packed = pack(world(plate(8.0, 1.0, 1.0, uv=UPRIGHT), material=Material("m", reflectance_map=picture)))
     assert packed.has_reflectance_maps
     assert not packed.has_normal_maps
-    assert packed.instances.dtype.itemsize == instance_type(False, False).itemsize + 4
+    assert packed.instances.dtype.itemsize == instance_type().itemsize + 4
     assert packed.vertices.shape[1] == 8
     assert pack(world(plate(8.0, 1.0, 1.0, uv=UPRIGHT))).vertices.shape[1] == 6
 

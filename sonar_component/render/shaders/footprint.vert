@@ -1,10 +1,12 @@
 #version 430
-// A vertex of the scene in the sonar's frame S and in the clip space D of one view. All views share the target, each in
-// its band of columns; clip distances keep them apart, so that one draw call serves them all.
+// A vertex of the scene in the sonar's frame S and in the clip space D of one view. All views of a wide fan share the
+// target, each in its band of columns; clip distances keep them apart, so that one draw call serves them all.
 // in: position [m] and unit normal in the part's own frame M; pose and material of the part, one per tile drawn:
 //     instanced attributes, since fetching them from a storage buffer took twice as long on llvmpipe.
 // out: p_S, n_S [m, -]. Owner: render/footprints.py.
+#ifdef WIDE_FAN
 uniform float column_count;  // of the whole target
+#endif
 
 in vec3 in_position;
 in vec3 in_normal;
@@ -15,13 +17,17 @@ in vec4 in_X_DM_0;    // rows of M to the clip space of one view: multiplied bef
 in vec4 in_X_DM_1;    // uniform array by index cost half of the vertex time on llvmpipe
 in vec4 in_X_DM_2;
 in vec4 in_X_DM_3;
+#ifdef WIDE_FAN
 in vec2 in_band;      // first column of the view, number of its columns
+#endif
 in float in_reflectance;  // [-]
 #ifdef TRUTH
 in uint in_id;  // position of its body in the world, from 1
 #endif
 
+#ifdef WIDE_FAN
 out float gl_ClipDistance[2];
+#endif
 out vec3 p_S;
 out vec3 n_S;
 flat out float reflectance;
@@ -59,7 +65,9 @@ void main() {
     reflectance_layer = in_reflectance_layer;
 #endif
     gl_Position = vec4(dot(in_X_DM_0, p_M), dot(in_X_DM_1, p_M), dot(in_X_DM_2, p_M), dot(in_X_DM_3, p_M));
+#ifdef WIDE_FAN
     float column = (gl_Position.y + gl_Position.w) * 0.5 * column_count - in_band.x * gl_Position.w;
     gl_ClipDistance[0] = column;
     gl_ClipDistance[1] = in_band.y * gl_Position.w - column;
+#endif
 }
