@@ -51,6 +51,8 @@ def run(frames: int, say: Callable[[str], None], tick: Callable[[], None]) -> An
         row("fan width [deg]", width, tank(), beam_width=width * deg)
     for count in (0, 100, 1000):
         row("objects", count + 2, crowd(count))
+    for noise in (False, True):
+        row("speckle noise", float(noise), comparison(), enable_speckle_noise=noise)
     # Denser and denser, the same floor; then a world that grows while what is in sight stays the same.
     for triangles in (8_000, 32_000, 128_000):
         row("triangles in 80 x 80 m", triangles, plain(triangles, 80.0))
@@ -63,7 +65,8 @@ def run(frames: int, say: Callable[[str], None], tick: Callable[[], None]) -> An
 def _cost(context: Context, case: Case, changed: dict[str, Any], frames: int) -> dict[str, float]:
     settings = ForwardLookingSettings.model_validate({"range": RANGE, "bin_count": 500} | changed)
     sonar = ForwardLookingSonar(context, settings)
-    times = time_frames(lambda: sonar.ping(case.world, case.pose), frames).data()
+    rng = np.random.default_rng(0)  # used only where settings enable noise
+    times = time_frames(lambda: sonar.ping(case.world, case.pose, rng), frames).data()
     sonar.release()
     return times
 
