@@ -129,6 +129,7 @@ def _serve(
     from sonar_component.settings.errors import SettingsError
     from sonar_component.settings.paths import find_file
 
+    stop = _stop_on_signals()
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     try:
         world = load_world(find_file(scene))
@@ -144,18 +145,23 @@ def _serve(
     _say(f"{name}-compatible endpoint at {station.describe()}", {"endpoint": name, "at": station.describe()}, as_json)
     for line in [*world.warnings, *(f"other computers can reach {place}" for place in properties.remote())]:
         typer.echo(f"warning: {line}", err=True)
-    _wait(station, seconds)
+    _wait(station, stop, seconds)
     station.stop()
     _report(station, as_json)
     if station.failure is not None:
         raise typer.Exit(1)
 
 
-def _wait(station: Station, seconds: float | None) -> None:
-    """Until told to stop, out of time, or the device has failed."""
+def _stop_on_signals() -> threading.Event:
+    """Set by Ctrl-C and SIGTERM from now on: whoever sees that the endpoint serves may end it at once."""
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    return stop
+
+
+def _wait(station: Station, stop: threading.Event, seconds: float | None) -> None:
+    """Until told to stop, out of time, or the device has failed."""
     end = None if seconds is None else time.monotonic() + seconds
     while not stop.is_set() and station.failure is None:
         left = _LOOK if end is None else min(_LOOK, end - time.monotonic())

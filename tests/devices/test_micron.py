@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import serial
-from conftest import PILLAR, WALL, Emulated
+from conftest import PILLAR, WALL, Emulated, same_echoes
 
 from sonar_component.devices.seanet_protocol import (
     Control,
@@ -101,7 +101,7 @@ def test_the_echoes_are_those_of_sonar_ping(client: Client, room: Path, tmp_path
     reach = BINS * INTERVAL * 640e-9 * SPEED_OF_SOUND / 2
     sonar.write_text(
         f"kind: scanning\nrange: {reach!r} m\nbin_count: {BINS}\nbeam_width: 3 deg\nbeam_height: 35 deg\n"
-        "enable_attenuation: true\naccuracy: 0.1\nattenuation_properties: {frequency: 700 kHz, salinity: 35}\n"
+        "enable_attenuation: true\naccuracy: 0.02\nattenuation_properties: {frequency: 700 kHz, salinity: 35}\n"
     )
     command = ["ping", "--scene", room, "--sonar", sonar, "--bearing-deg", 0, "--out", out]
     subprocess.run([sys.executable, "-m", "sonar_component", *map(str, command)], check=True, capture_output=True)
@@ -109,8 +109,7 @@ def test_the_echoes_are_those_of_sonar_ping(client: Client, room: Path, tmp_path
         expected = ping["bins"][0]
     data = client.ping()
     assert data.bearing == 3200
-    # Half a step of the device's 8 bits, and the energy error that both aim for, of full scale.
-    np.testing.assert_allclose(np.frombuffer(data.data, np.uint8) / 255, expected, atol=0.5 / 255 + 0.02)
+    assert same_echoes(np.frombuffer(data.data, np.uint8) / 255, expected, 1 / 255)
 
 
 def test_a_ping_is_never_faster_than_its_samples_and_the_line(client: Client) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import PILLAR, WALL, Emulated
+from conftest import PILLAR, WALL, Emulated, same_echoes
 
 from sonar_component.devices.oculus_messages import HEADER, Fire, Flags, PingRate, Result, header, parse_result
 from sonar_component.samples.sonar import SPEED_OF_SOUND
@@ -139,19 +139,14 @@ def test_the_echoes_are_those_of_sonar_ping(client: Client, room: Path, tmp_path
     sonar, out = tmp_path / "fan.yaml", tmp_path / "ping.npz"
     sonar.write_text(
         f"range: 8 m\nbin_count: {BINS}\nbeam_height: 12 deg\nbearings: [{bearings}]\nbeam_count: 256\n"
-        "beam_width: 60 deg\naccuracy: 0.1\n"
+        "beam_width: 60 deg\naccuracy: 0.02\n"
         "enable_attenuation: true\nattenuation_properties: {frequency: 1 MHz, salinity: 35}\n"
     )
     command = ["ping", "--scene", room, "--sonar", sonar, "--rpy-deg", 0, 0, -40, "--out", out]
     subprocess.run([sys.executable, "-m", "sonar_component", *map(str, command)], check=True, capture_output=True)
     with np.load(out) as ping:
         expected = ping["bins"]
-    # Both choose their samples for the scene, the endpoint from those it had before: where a surface touches a bin with a
-    # sliver only, one may see it and the other not. All other bins agree within 16 bits and the error both aim for.
-    other = np.abs(linear(got).T - expected) > 0.02
-    assert other.mean() < 1e-3
-    lit = np.count_nonzero(expected)
-    assert np.count_nonzero(other & (expected > 0)) < 0.02 * lit
+    assert same_echoes(linear(got).T, expected, 1 / 65535)
 
 
 def test_pings_come_at_the_rate_asked_for(client: Client) -> None:

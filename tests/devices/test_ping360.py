@@ -16,7 +16,7 @@ import pytest
 import serial
 from brping import Ping360
 from brping import definitions as theirs
-from conftest import PILLAR, WALL, Emulated
+from conftest import PILLAR, WALL, Emulated, same_echoes
 
 from sonar_component.devices import ping360_messages as msg
 from sonar_component.devices.ping_protocol import PingFrame, PingParser, encode
@@ -131,14 +131,13 @@ def test_the_echoes_are_those_of_sonar_ping(client: Any, room: Path, tmp_path: P
     reach = SAMPLES * PERIOD * 25e-9 * SPEED_OF_SOUND / 2
     sonar.write_text(
         f"kind: scanning\nrange: {reach!r} m\nbin_count: {SAMPLES}\nbeam_width: 2 deg\nbeam_height: 25 deg\n"
-        "enable_attenuation: true\naccuracy: 0.1\nattenuation_properties: {frequency: 740 kHz, salinity: 35}\n"
+        "enable_attenuation: true\naccuracy: 0.02\nattenuation_properties: {frequency: 740 kHz, salinity: 35}\n"
     )
     command = ["ping", "--scene", room, "--sonar", sonar, "--bearing-deg", -90, "--out", out]
     subprocess.run([sys.executable, "-m", "sonar_component", *map(str, command)], check=True, capture_output=True)
     with np.load(out) as ping:
         expected = ping["bins"][0]
-    # Half a step of the device's 8 bits, and the energy error that both aim for, of full scale.
-    np.testing.assert_allclose(echoes(client.transmitAngle(RIGHT)) / 255, expected, atol=0.5 / 255 + 0.02)
+    assert same_echoes(echoes(client.transmitAngle(RIGHT)) / 255, expected, 1 / 255)
 
 
 def test_a_scan_comes_in_order_and_never_faster_than_the_model(raw: socket.socket) -> None:
