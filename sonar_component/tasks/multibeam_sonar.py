@@ -45,7 +45,7 @@ class MultibeamSonarTask(SonarTask):
         if pose is None or world is None or not self.wanted():
             return
         with self._gl:
-            sample = self._sonar.ping(world, self.own_pose(pose), self._rng)
+            sample = self._sonar.ping(world, self.own_pose(pose), self.noise_at(pose.time))
             wanted = self.properties.write_shader_image and self.shader_image.connected()
             image = self._sonar.shader_image(pose.time) if wanted else None
         self.sonar_samples.write(sample)

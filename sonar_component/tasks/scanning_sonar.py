@@ -181,7 +181,7 @@ class ScanningSonarTask(SonarTask):
             if vehicle.time != time:  # a lone pose: the vehicle is where it was
                 vehicle = _at_time(vehicle, time)
             with self._gl:
-                sample = self._sonar.ping(world, self.own_pose(vehicle), self._rng)
+                sample = self._sonar.ping(world, self.own_pose(vehicle), self.noise_at(time))
                 wanted = self.properties.write_shader_image and self.shader_image.connected()
                 image = self._sonar.shader_image(time) if wanted else None
             self.sonar_samples.write(sample)

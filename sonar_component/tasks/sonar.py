@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
@@ -86,7 +87,6 @@ class SonarTask(Task):
     def begin(self) -> str:
         """Take what belongs to the task from its properties; returns why that cannot be, or the empty string."""
         p = self.properties
-        self._rng = np.random.default_rng(p.seed)
         self._replica, self._mount = Replica(), None
         for line in p.doubts():
             self.log.warning("%s", line)
@@ -102,6 +102,14 @@ class SonarTask(Task):
     def own_pose(self, pose: RigidBodyState) -> RigidBodyState:
         """Pose of the sonar for a pose of its vehicle."""
         return pose if self._mount is None else self._mount.pose(pose)
+
+    def noise_at(self, time: int) -> np.random.Generator:
+        """The generator of one ping's noise: from seed, task and data time [us] alone.
+
+        One stream for all pings was the alternative; then an image depended on how many were drawn before it, and that
+        on who had listened.
+        """
+        return np.random.default_rng([self.properties.seed, crc32(self.name.encode()), abs(time)])
 
     def settings_values(self, **changed: Any) -> dict[str, Any]:
         """Properties that belong to the sonar itself."""
