@@ -11,6 +11,7 @@ import typer
 if TYPE_CHECKING:
     from sonar_component.samples import RigidBodyState, Sonar
     from sonar_component.scene.world import World
+    from sonar_component.sonars.feature_costs import FeatureCost
     from sonar_component.sonars.forward_looking import ForwardLookingSonar
     from sonar_component.sonars.scanning import ScanningSonar
     from sonar_component.sonars.scanning_settings import ScanningSettings
@@ -40,7 +41,9 @@ def ping(
     scan: bool = typer.Option(False, "--scan", help="A full scan of a scanning sonar that stands still."),
     noise: Literal["on", "off"] | None = typer.Option(None, help="Speckle; the sonar's own setting otherwise."),
     truth: bool = typer.Option(False, "--truth", help="Add what stands behind each bin to the .npz."),
-    explain: bool = typer.Option(False, "--explain", help="Say which samples and features were chosen, and why."),
+    explain: bool = typer.Option(
+        False, "--explain", help="Say which samples and features were chosen, why, and what each costs."
+    ),
     as_json: bool = typer.Option(False, "--json", help="Print a summary for machines."),
     out: Path = typer.Option(..., help="FILE.npz for the numbers or FILE.png for a picture."),
 ) -> None:
@@ -66,7 +69,8 @@ def ping(
     sample = _full_scan(simulator, world, pose, rng) if scan else simulator.ping(world, pose, rng)
     _write(out, sample, simulator.truth(world, pose) if truth else None, simulator, world, pose)
     lines = list(world.warnings) + chosen.doubts() + simulator.remarks(sample)
-    _report(out, sample, simulator, lines, explain, as_json)
+    costs = simulator.feature_costs(world, pose) if explain else []
+    _report(out, sample, simulator, lines, costs, as_json)
 
 
 def _check_out(out: Path, truth: bool) -> None:
@@ -178,9 +182,7 @@ def _load_settings(sonar: Path | None, overrides: list[str]) -> Settings:
     return validate(ScanningSettings, document) if kind == "scanning" else validate(ForwardLookingSettings, document)
 
 
-def _write(
-    out: Path, sample: Sonar, truth: Any, simulator: Simulator, world: Any, pose: RigidBodyState
-) -> None:
+def _write(out: Path, sample: Sonar, truth: Any, simulator: Simulator, world: Any, pose: RigidBodyState) -> None:
     import numpy as np
 
     if out.suffix == ".png":
@@ -200,14 +202,14 @@ def _write(
 
 
 def _report(
-    out: Path, sample: Sonar, simulator: Simulator, lines: list[str], explain: bool, as_json: bool
+    out: Path, sample: Sonar, simulator: Simulator, lines: list[str], costs: list[FeatureCost], as_json: bool
 ) -> None:
     lit = float((sample.bins > 0).mean())
     if as_json:
         summary = {
             "file": str(out), "beam_count": sample.beam_count, "bin_count": sample.bin_count,
             "bin_length_m": sample.bin_length, "lit": lit, "greatest": float(sample.bins.max()),
-            "warnings": lines, "plan": simulator.explain(),
+            "warnings": lines, "plan": simulator.explain(), "features": [cost.data() for cost in costs],
         }  # fmt: skip
         print(json.dumps(summary))
         return
@@ -217,6 +219,6 @@ def _report(
     )
     for line in lines:
         typer.echo(f"warning: {line}", err=True)
-    if explain:
-        for line in simulator.explain():
+    if costs:
+        for line in [*simulator.explain(), *(cost.line() for cost in costs)]:
             print(f"  {line}")

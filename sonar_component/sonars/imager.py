@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -163,16 +164,47 @@ class FanImager:
     def explain(self) -> list[str]:
         """What was chosen for the last image, and why, one line each."""
         layout, s = self._tables[self._level].layout, self._settings
-        features = sorted(self._renderer.features(self._optics(s.normalization == "mean"))) or ["none"]
         per_beam = float(np.mean(self.beams.left - self.beams.right) / np.mean(layout.left - layout.right))
         return [
             f"{layout.columns} x {layout.rows} samples in {len(layout.views)} views: {per_beam:.1f} columns per beam",
             f"estimated energy error {self.estimated_error:.4f} for accuracy {s.accuracy:g}, "
             "from the difference to the next finer samples of this scene",
-            f"shader features in use: {', '.join(features).lower()}",
             f"samples become bins on the {'graphics card' if self._on_gpu else 'CPU'}: "
             f"the driver draws on the {'CPU' if self._software else 'card'}",
         ]
+
+    @property
+    def settings(self) -> SonarSettings:
+        """Settings in force."""
+        return self._settings
+
+    @property
+    def view_count(self) -> int:
+        """Perspective views that the last image was drawn in."""
+        return len(self._tables[self._level].layout.views)
+
+    @property
+    def features(self) -> frozenset[str]:
+        """What the program of the last image held besides the bare samples, by #define."""
+        optics = self._optics(self._settings.normalization == "mean")
+        return frozenset(self._renderer.features(optics, self.view_count))
+
+    def seconds(self, world: World, X_WS: Pose, *without: str) -> float:
+        """How long it takes to draw and read the samples of an image, with features left out that are in use."""
+        began = time.perf_counter()
+        self._plan_if_due(world, X_WS)
+        mean = self._settings.normalization == "mean"
+        target, _ = self._draw(
+            world, X_WS, self._table(self._level), replace(self._optics(mean), without=without), mean
+        )
+        target.read()
+        return time.perf_counter() - began
+
+    @property
+    def gpu_bytes(self) -> int:
+        """What the world takes in GPU memory, with one draw of one tile."""
+        g = self._renderer.geometry
+        return g.columns.itemsize + (g.loaded.bytes if g.loaded is not None else 0)
 
     def remarks(self, bins: NDArray[np.float32]) -> list[str]:
         """Why an image is black or white, in words; empty for a good one."""

@@ -12,6 +12,7 @@ from sonar_component.gl import Context
 from sonar_component.samples import Frame, RigidBodyState, Sonar
 from sonar_component.samples.motion import exponential, product
 from sonar_component.scene.world import World
+from sonar_component.sonars.feature_costs import FeatureCost, feature_costs
 from sonar_component.sonars.imager import FanImager
 from sonar_component.sonars.in_ping import moving_echoes
 from sonar_component.sonars.receiver import Receiver
@@ -102,6 +103,10 @@ class ScanningSonar:
     def explain(self) -> list[str]:
         """What was chosen for these settings, and why, one line each."""
         return self._imager.explain()
+
+    def feature_costs(self, world: World, pose: RigidBodyState) -> list[FeatureCost]:
+        """What each feature of the image from that pose costs, measured now."""
+        return feature_costs(self._imager, world, self._turned(pose, self.head.bearing).transform())
 
     def remarks(self, sample: Sonar) -> list[str]:
         """Why an image is black or white, in words; empty for a good one."""
