@@ -1,6 +1,6 @@
 """Make the pictures of deploy/README.md: run each experiment, take a snapshot, keep the file small.
 
-    .venv/bin/python tools/make_gallery.py [NAME ...]        writes deploy/NAME.png
+.venv/bin/python tools/make_gallery.py [NAME ...]        writes deploy/NAME.png
 """
 
 from __future__ import annotations

@@ -230,7 +230,8 @@ def _add_beams(
     along = _span(caster, triangle, distance, _directions(azimuth, low), _directions(azimuth, high))
     across = _span(caster, triangle, distance, _directions(azimuth - half, middle), _directions(azimuth + half, middle))
     extent = np.maximum(np.hypot(along, across) / bin_length, 1e-9)
-    for k, value in enumerate((1.0, lambert, transfer(lambert))):
+    values: tuple[Array, ...] = (np.ones_like(lambert), lambert, transfer(lambert))
+    for k, value in enumerate(values):
         _spread(sums[k], beam[which], distance / bin_length - extent / 2, extent, solid_angle[which] * value)
 
 
