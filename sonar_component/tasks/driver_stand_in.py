@@ -1,8 +1,8 @@
-"""DriverStandInTask: looks from outside as Rock's drivers of forward-looking sonars do, with no device behind it.
+"""Tasks that look from outside as Rock's drivers of sonars do, with no device behind them: an FLS, and the Micron.
 
-It pings on its own (a driver reads no pose), has the port and the property names that drivers and simulator share, and
-sees one thing: a wall across its way. So a deployment can be written and tried with a driver in it, and then have its
-``type:`` changed to MultibeamSonarTask, or to the driver, with nothing else touched.
+They ping on their own (a driver reads no pose), have the port and the property names that drivers and simulator share,
+and see one thing: a wall across their way. So a deployment can be written and tried with a driver in it, and then have
+its ``type:`` changed to MultibeamSonarTask or ScanningSonarTask, or to the driver, with nothing else touched.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from sonar_component.middleware.task import NoProperties, Periodic, Task
 from sonar_component.samples import Sonar
 from sonar_component.samples.sonar import SPEED_OF_SOUND
 from sonar_component.settings.quantity import Angle, Length, Ratio, Speed
+from sonar_component.tasks.micron_config import MicronConfig
 
 _DEG = math.pi / 180
 
@@ -51,6 +52,71 @@ class DriverStandInTask(Task):
         """One ping."""
         if self.sonar_samples.connected():
             self.sonar_samples.write(wall_image(self.properties, self.WALL, self.now()))
+
+
+class MicronStandInProperties(NoProperties):
+    """What Rock's driver of the Micron has: one structure."""
+
+    config: MicronConfig = Field(default_factory=lambda: MicronConfig.model_validate({}))
+
+
+class MicronStandInTask(Task):
+    """The outside of Rock's driver of the Micron, a scanning sonar, around the same wall: one beam per ping."""
+
+    WALL = DriverStandInTask.WALL  # [m]
+    BEAM = (3 * _DEG, 35 * _DEG)  # [rad], width and height by the maker's sheet
+
+    Properties = MicronStandInProperties
+    activity = Periodic(0.1)
+
+    sonar_samples: OutputPort[Sonar] = OutputPort(Sonar, queue=8, doc="One beam per ping.")
+
+    def start_hook(self) -> bool | None:
+        """The head begins at the right limit and turns counter-clockwise, as the simulator's does."""
+        config = self.properties.config
+        self._turn = Turn(config.right_limit, config.left_limit, config.angular_resolution, config.continous)
+        return True
+
+    def update_hook(self) -> None:
+        """One beam."""
+        bearing = self._turn.bearing
+        self._turn.advance()
+        if self.sonar_samples.connected():
+            self.sonar_samples.write(wall_beam(self.properties.config, bearing, self.WALL, self.now(), self.BEAM))
+
+
+class Turn:
+    """Where the head looks: on and on, or back and forth between two limits."""
+
+    def __init__(self, begin: float, end: float, step: float, continuous: bool) -> None:
+        self._begin, self._width = begin, (end - begin) % (2 * math.pi) or 2 * math.pi
+        self._step, self._continuous = step, continuous
+        self._offset = -begin if continuous else 0.0  # a head that turns for ever begins ahead
+
+    @property
+    def bearing(self) -> float:
+        """[rad], in -pi to pi."""
+        return math.remainder(self._begin + self._offset, 2 * math.pi)
+
+    def advance(self) -> None:
+        """One step on."""
+        self._offset += self._step
+        if not self._continuous and not 0 <= self._offset <= self._width:
+            self._offset = min(max(self._offset, 0.0), self._width)
+            self._step = -self._step
+
+
+def wall_beam(config: MicronConfig, bearing: float, wall: float, time: int, beam: tuple[float, float]) -> Sonar:
+    """One beam on the wall, with its echo in the bin of range wall / cos(bearing)."""
+    bins: NDArray[np.float32] = np.zeros((1, config.bin_count), np.float32)
+    echo = wall / math.cos(bearing) if math.cos(bearing) > 0 else math.inf
+    if config.min_distance <= echo < config.max_distance:
+        bins[0, int(echo / config.max_distance * config.bin_count)] = min(1.0, 2 * config.gain)
+    return Sonar(
+        time=time, bin_duration=config.max_distance / config.bin_count / config.speed_of_sound, beam_width=beam[0],
+        beam_height=beam[1], bearings=np.array([bearing]), speed_of_sound=config.speed_of_sound,
+        bin_count=config.bin_count, beam_count=1, bins=bins, frame="sonar",
+    )  # fmt: skip
 
 
 def wall_image(properties: Any, wall: float, time: int) -> Sonar:

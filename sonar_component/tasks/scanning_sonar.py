@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sonar_component.middleware.ports import OutputPort
 from sonar_component.middleware.task import INVALID_INPUT, STALE_INPUT, PortDriven
@@ -18,6 +18,7 @@ from sonar_component.samples import RigidBodyState, Sonar
 from sonar_component.settings.quantity import Duration
 from sonar_component.sonars.scan import Scan
 from sonar_component.sonars.scanning_settings import ScanningSettings
+from sonar_component.tasks.micron_config import MicronConfig, with_config
 from sonar_component.tasks.pose_track import PoseTrack
 from sonar_component.tasks.sonar import FIXED, OWN, SonarTask, SonarTaskProperties
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from sonar_component.scene.world import World
 
 EXTRAPOLATING = "EXTRAPOLATING"
-_OWN = OWN | {"max_extrapolation", "max_pose_age", "scan_period"}
+_OWN = OWN | {"config", "max_extrapolation", "max_pose_age", "scan_period"}
 _AT_ONCE = 64  # [-], pings in one cycle; the task must come by its commands in between
 
 
@@ -39,13 +40,19 @@ class ScanningSonarProperties(SonarTaskProperties, ScanningSettings):
         1.0, description="an older pose is not used, and a longer gap between two is not bridged"
     )
     scan_period: Annotated[Duration, Field(gt=0)] = Field(0.5, description="between two writes of the full scan")
+    config: MicronConfig | None = Field(None, description="all of it in the words of Rock's driver of the Micron")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _words_of_the_driver(cls, values: Any) -> Any:
+        return with_config(values)
 
 
 class ScanningSonarTask(SonarTask):
     """Mechanically scanning imaging sonar (MSIS)."""
 
     Properties = ScanningSonarProperties
-    dynamic = frozenset(ScanningSonarProperties.model_fields) - FIXED
+    dynamic = frozenset(ScanningSonarProperties.model_fields) - FIXED - {"config"}
     activity = PortDriven(("sonar_pose_cmd",), timeout=0.1)
 
     scan_samples: OutputPort[Sonar] = OutputPort(
