@@ -35,6 +35,13 @@ _OF_LAW = {"normal": ("mean", "deviation"), "folded-normal": ("mean", "deviation
            "rayleigh": ("looks",)}  # fmt: skip
 
 
+def _or_a_preset(schema: dict[str, Any]) -> None:
+    """Tell editors that a preset's name alone will do."""
+    whole = dict(schema)
+    schema.clear()
+    schema["anyOf"] = [{"enum": sorted(PRESETS)}, whole]
+
+
 class SpeckleProperties(BaseModel):
     """Multiplicative noise, y = x n (Eq. 2 of Cerqueira et al. 2017).
 
@@ -59,7 +66,7 @@ class SpeckleProperties(BaseModel):
         How far the sonar moves [m] and turns [rad] until what stays has fallen to 1/e.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, json_schema_extra=_or_a_preset)
 
     preset: Literal["cerqueira-2017", "cerqueira-2020", "gamma", "rayleigh", "oculus-like"] = "cerqueira-2017"
     law: LawName = "normal"
