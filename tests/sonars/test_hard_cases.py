@@ -12,7 +12,6 @@ import pytest
 from sonar_component.scene import Body, Material, Mesh, World
 from sonar_component.scene.shapes import box, sphere
 from sonar_component.sonars import imager, plan
-from sonar_component.sonars.forward_looking import ForwardLookingSonar
 from sonar_component.sonars.settings import ForwardLookingSettings
 from tests.reference.poses import pose
 from tests.reference.scenes import STANDARD, floor, plate, rectangle, shell, wall, world
@@ -32,7 +31,7 @@ def ball_at(direction: np.ndarray, distance: float, radius: float) -> World:
 @pytest.mark.parametrize(("width", "height"), [(120, 20), (360, 120), (40, 120), (1, 1), (130, 0.1)])
 @pytest.mark.parametrize("min_range", [0.0, 0.5])
 def test_a_target_one_bin_behind_min_range_is_heard_in_every_corner_also_after_reconfiguring(
-    context: Any, width: float, height: float, min_range: float
+    make: Any, width: float, height: float, min_range: float
 ) -> None:
     """A near plane that is flat, or forgotten when the range changes, cuts the corners off."""
     first = {"beam_count": 16, "beam_width": width * DEG, "beam_height": height * DEG, "min_range": min_range}
@@ -41,7 +40,7 @@ def test_a_target_one_bin_behind_min_range_is_heard_in_every_corner_also_after_r
         ForwardLookingSettings(range=40.0, bin_count=500, **first),
         ForwardLookingSettings(range=10.0, bin_count=100, **first),
     ]
-    sonar = ForwardLookingSonar(context, settings[0])
+    sonar = make(settings[0])
     for each in settings:
         sonar.settings = each
         dr = each.range / each.bin_count
@@ -52,7 +51,6 @@ def test_a_target_one_bin_behind_min_range_is_heard_in_every_corner_also_after_r
             radius = 0.2 * dr
             bins = sonar.ping(ball_at(direction, min_range + 1.5 * dr + radius, radius), pose()).bins
             assert bins[:, round(min_range / dr) + 1].any(), (side, up, each.range)
-    sonar.release()
 
 
 def facing_plate(direction: np.ndarray, distance: float, size: float) -> World:
@@ -67,13 +65,12 @@ def facing_plate(direction: np.ndarray, distance: float, size: float) -> World:
 def test_a_target_beyond_the_range_gives_exactly_nothing_in_the_corners(ping: Any, width: float, height: float) -> None:
     """A flat far plane lets r exceed its distance at the sides, and an unchecked bin index writes where it must not."""
     settings = dict(SMALL, beam_width=width * DEG, beam_height=height * DEG)
-    for side, up in itertools.product((-1, 0, 1), (-1, 0, 1)):
+    for side, up in ((0, 0), *itertools.product((-1, 1), (-1, 1))):
         direction = corner_direction(side * width / 2.1 * DEG, up * height / 2.1 * DEG)
         assert ping(facing_plate(direction, 9.9, 0.5), **settings).bins.any()
-        for beyond in (10.1, 11.0, 13.0, 30.0):
+        for beyond in (10.1, 12.0, 30.0):
             assert not ping(facing_plate(direction, beyond, 0.5), **settings).bins.any()
-        # The limb of a ball is seen edge-on: its long footprints reach back over the end and carry next to nothing.
-        assert ping(ball_at(direction, 10.3, 0.1), **settings).bins.max() <= 1e-3
+        assert not ping(ball_at(direction, 10.3, 0.1), **settings).bins.any()
 
 
 @pytest.mark.parametrize("beams", [1, 2, 700, 2048])
@@ -82,7 +79,10 @@ def test_every_beam_of_any_fan_hears_a_shell(ping: Any, beams: int, bins: int) -
     settings = {"beam_count": beams, "bin_count": bins, "beam_width": 60 * DEG, "beam_height": 5 * DEG, "range": 10.0}
     sample = ping(world(shell(6.0176, 35 * DEG, 4 * DEG, 1 * DEG)), normalization="energy", **settings)
     assert sample.bins.shape == (beams, bins)
-    assert np.flatnonzero(sample.bins.any(axis=0)).tolist() == [int(0.60176 * bins)]
+    # Facets lean by half a degree: over a cell of 2 deg, in a fan of one beam, that is half of the shortest bins.
+    k = int(0.60176 * bins)
+    assert (sample.bins.argmax(axis=1) == k).all()
+    assert not np.delete(sample.bins, [max(k - 1, 0), k, min(k + 1, bins - 1)], axis=1).any()
     np.testing.assert_allclose(sample.bins.sum(axis=1), 1.0, atol=1e-3)  # facets of 1 deg shade to 1 - 4e-5
 
 
@@ -107,12 +107,11 @@ def test_an_empty_scene_is_exactly_zero(ping: Any, reduction: str, normalization
         assert not ping(scene, **settings).bins.any()
 
 
-def test_after_a_full_scene_an_empty_one_is_zero_too(context: Any) -> None:
-    sonar = ForwardLookingSonar(context, ForwardLookingSettings(**SMALL))
+def test_after_a_full_scene_an_empty_one_is_zero_too(make: Any) -> None:
+    sonar = make(ForwardLookingSettings(**SMALL))
     assert sonar.ping(world(wall(5.0)), pose()).bins.any()
     assert not sonar.ping(World(), pose()).bins.any()
     assert sonar.ping(world(wall(5.0)), pose()).bins.any()
-    sonar.release()
 
 
 BROKEN = {
@@ -193,32 +192,29 @@ def test_q_of_any_length_but_one_is_refused(ping: Any) -> None:
         ping(world(wall(5.0)), at, **SMALL)
 
 
-def test_noise_amplified_to_full_scale_is_not_what_an_empty_frame_gives(context: Any) -> None:
+def test_noise_amplified_to_full_scale_is_not_what_an_empty_frame_gives(make: Any) -> None:
     settings = ForwardLookingSettings(**SMALL, enable_speckle_noise=True)
-    sonar = ForwardLookingSonar(context, settings)
+    sonar = make(settings)
     bins = sonar.ping(World(), pose(), np.random.default_rng(1)).bins
     assert np.isfinite(bins).all()
     assert bins.max() < 0.2  # speckle multiplies what is there; the paper's floor is 0.03
-    sonar.release()
 
 
 def test_rows_doubled_change_the_energy_by_less_than_half_a_percent(
-    context: Any, monkeypatch: pytest.MonkeyPatch, record_testsuite_property: Any
+    make: Any, monkeypatch: pytest.MonkeyPatch, record_testsuite_property: Any
 ) -> None:
     """The samples of the default accuracy, then the same columns with twice the rows, on the original's scene."""
     settings = ForwardLookingSettings(range=30.0, bin_count=500, normalization="energy")
-    sonar = ForwardLookingSonar(context, settings)
+    sonar = make(settings)
     at, scene = pose((0, 0, 3), (0, 15, 0)), world(*STANDARD)
     once = sonar.ping(scene, at).bins
     level, plain = sonar._imager._level, plan.plan_at
     monkeypatch.setattr(imager, "plan_at", lambda beams, level: replace(p := plain(beams, level), rows=2 * p.rows))
     monkeypatch.setattr(imager, "choose_level", lambda *_: (level, 0.0))
-    doubled = ForwardLookingSonar(context, settings)
+    doubled = make(settings)
     twice = doubled.ping(scene, at).bins
     rows = [each._imager._tables[level].layout.rows for each in (sonar, doubled)]
     assert rows[1] > 1.9 * rows[0]
     change = abs(float(twice.sum(dtype=float) / once.sum(dtype=float)) - 1)
     record_testsuite_property("rows doubled, change of the energy", change)
     assert change < 0.005
-    sonar.release()
-    doubled.release()

@@ -68,6 +68,7 @@ void main() {
     // A normal of length zero says nothing: the triangle's own plane then does.
     vec3 plane = cross(dFdx(p_S), dFdy(p_S));
     vec3 normal = dot(n_S, n_S) > 1e-12 ? normalize(n_S) : normalize(plane);
+    float cosine = dot(normal, p_S) / range;
 #ifdef NORMAL_MAP
     normal = perturbed(normal);
 #endif
@@ -87,6 +88,11 @@ void main() {
     float across = dFdy(range) + shear * along;  // columns are sheared against each other
     // Cells that touch along one direction then abut in range; in between the extent keeps its variance.
     float extent = sqrt(across * across + along * along);
+    // On a limb the surface turns away within the cell, and the facet that the cell's centre hit would reach far beyond
+    // the edge: the mean cosine of the surface's part in the cell, not the facet's own, then says how long it is.
+    float facing = abs(dot(normalize(plane), p_S)) / range;
+    float turn = 0.5 * (abs(dFdx(cosine)) + abs(dFdy(cosine)));
+    extent *= min(1.0, facing / max(facing, turn));
     uint strength_bits = uint(sqrt(clamp(strength / strength_max, 0.0, 1.0)) * 65535.0 + 0.5);
     uint extent_bits = uint(sqrt(clamp(extent / range_max, 0.0, 1.0)) * 32767.0 + 0.5);
     uint sign_bit = along < 0.0 ? 0x80000000u : 0u;
