@@ -99,7 +99,7 @@ class Camera:
             self._geometry.place(X_WC)
             # All tiles: a picture now and then does not pay for culling.
             everything = np.ones((1, len(self._geometry.tile_radius)), np.bool_)
-            commands, count = self._geometry.select(everything, np.eye(4)[None])
+            commands, count, _ = self._geometry.select(everything, np.eye(4)[None])
             self._context.enable_only(moderngl.DEPTH_TEST)
             set_uniforms(self._scene, X_DC=self._projection())
             self._bound().render_indirect(commands, count=count)

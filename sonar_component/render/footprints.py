@@ -21,6 +21,7 @@ _DRAWN_BEYOND = 1.25  # [-], of the range: a cell whose centre lies beyond the l
 _CLIP_DISTANCE_0 = 0x3000  # GL_CLIP_DISTANCE0, which moderngl does not name
 _NORMAL_UNIT, _REFLECTANCE_UNIT = 0, 1  # where the pictures are bound
 _PICTURES = {"NORMAL_MAP", "REFLECTANCE_MAP"}
+_OF_PICTURES = {"TEXTURED", *_PICTURES}
 # Columns of instances that one feature alone reads.
 _COLUMN_OF = {
     "band": "WIDE_FAN", "id": "TRUTH", "normal_layer": "NORMAL_MAP", "reflectance_layer": "REFLECTANCE_MAP",
@@ -92,15 +93,23 @@ class FootprintRenderer:
         X_DS, bands = self._projection(layout, optics)
         defines = self.features(optics, len(layout.views))
         wide = "WIDE_FAN" in defines
-        commands, count = self.geometry.select(seen, X_DS, bands if wide else None)
-        array = self._prepare_program(layout, optics, defines)
+        commands, count, pictured = self.geometry.select(seen, X_DS, bands if wide else None)
         self._context.enable_only(moderngl.DEPTH_TEST)
         switch = self._context.enable_direct if wide else self._context.disable_direct
         switch(_CLIP_DISTANCE_0)
         switch(_CLIP_DISTANCE_0 + 1)
-        if count:
-            array.render_indirect(commands, count=count)
+        # A part without pictures is drawn without their code: on llvmpipe a branch around it costs as much as the code.
+        plain = {name: value for name, value in defines.items() if name not in _OF_PICTURES}
+        for first, end, features in ((0, pictured, defines), (pictured, count, plain)):
+            if end > first:
+                array = self._prepare_program(layout, optics, features)
+                array.render_indirect(commands, count=end - first, first=first)
         return target
+
+    @property
+    def programs(self) -> list[tuple[str, ...]]:
+        """Features of each program that was compiled."""
+        return list(self._programs)
 
     def read(self) -> NDArray[np.uint32]:
         """Read what was drawn last; see shaders/footprint.frag."""

@@ -34,6 +34,7 @@ class Geometry:
         self._packed = pack(World())
         self._instances = self._packed.instances  # with the columns that are drawn with
         self._reflectance_max = 1.0
+        self._pictured = self._packed.has_pictures()
         self._wide = False
         self._X_SM = np.zeros((0, 4, 4))
         self.generation = 0
@@ -88,6 +89,7 @@ class Geometry:
             self.loaded = loaded
             self._packed = loaded.packed if loaded is not None else pack(World())
             self._reflectance_max = float(self._packed.instances["reflectance"].max(initial=0.0)) or 1.0
+            self._pictured = self._packed.has_pictures()
             self._choose_columns(self._wide)
         self._world, self._version = world, world.geometry_version
 
@@ -113,7 +115,7 @@ class Geometry:
 
     def select(
         self, seen: NDArray[np.bool_], X_DS: Array, bands: NDArray[np.float32] | None = None
-    ) -> tuple[moderngl.Buffer, int]:
+    ) -> tuple[moderngl.Buffer, int, int]:
         """Send the draws of the tiles that each view sees.
 
         Parameters
@@ -126,11 +128,16 @@ class Geometry:
 
         Returns
         -------
-        Buffer of indirect commands, and their number.
+        Buffer of indirect commands, their number, and how many of them, the first ones, are of parts with pictures.
         """
         if self._wide != (bands is not None):
             self._choose_columns(bands is not None)
         views, chosen = np.nonzero(seen)
+        with_pictures = 0
+        if self.textured:
+            order = np.argsort(~self._pictured[chosen], kind="stable")
+            views, chosen = views[order], chosen[order]
+            with_pictures = int(np.count_nonzero(self._pictured[chosen]))
         X_SM = self._X_SM[chosen]
         instances = self._instances[chosen]
         instances["X_SM"], instances["X_DM"] = X_SM[:, :3], X_DS[views] @ X_SM
@@ -144,7 +151,7 @@ class Geometry:
         assert self.instances is not None
         self.instances.write(instances)
         self._commands.write(commands)
-        return self._commands, len(chosen)
+        return self._commands, len(chosen), with_pictures
 
     def _choose_columns(self, wide: bool) -> None:
         self._wide = wide

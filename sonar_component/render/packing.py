@@ -75,6 +75,11 @@ class Packed:
         """Whether any part has one."""
         return "reflectance_layer" in (self.instances.dtype.names or ())
 
+    def has_pictures(self) -> NDArray[np.bool_]:
+        """(tiles,): which belong to a part with a normal map or a reflectance map."""
+        layers = [self.instances[n] for n in self.instances.dtype.names or () if n.endswith("_layer")]
+        return np.asarray(sum(layers, np.zeros(len(self.instances), np.uint32)) > 0)
+
     def without_bulk(self) -> Packed:
         """What a renderer still needs once vertices, corners and pictures are in its own memory."""
         vertices, indices = self.vertices[:0].copy(), self.indices[:0].copy()

@@ -209,3 +209,14 @@ def test_a_new_material_is_drawn_from_the_next_image_on(draw: Draw) -> None:
     np.testing.assert_allclose(draw(scene)[INSIDE], 0.25 * before[INSIDE], atol=ROOT_16)
     scene.remove("body0")
     assert not draw(scene).any()
+
+
+def test_a_part_without_pictures_is_drawn_by_the_program_without_them(draw: Draw, renderer: FootprintRenderer) -> None:
+    relief = Material("m", normal_map=np.random.default_rng(3).integers(90, 166, (8, 8, 3)).astype(np.uint8))
+    left, right = plate(8.0, 1.6, 2.0, y=2.0, uv=UPRIGHT), plate(8.0, 1.6, 2.0, y=-2.0, uv=UPRIGHT)
+    alone = draw(world(right))
+    parts = [Part(left, relief, np.eye(4)), Part(right, Material("plain"), np.eye(4))]
+    both = draw(World([Body("both", parts, np.eye(4))]))
+    assert {tuple(sorted(features)) for features in renderer.programs} == {(), ("NORMAL_MAP", "TEXTURED")}
+    np.testing.assert_array_equal(both[alone > 0], alone[alone > 0])  # to the bit: the same program drew it
+    assert (both > 0).sum() > 1.9 * (alone > 0).sum()
