@@ -17,10 +17,8 @@ import numpy as np
 
 from sonar_component.devices.echoes import PingOrder
 from sonar_component.devices.link import Arrival, Kind, Outgoing, Peer
-from sonar_component.devices.seanet_protocol import (
+from sonar_component.devices.seanet_messages import (
     AHEAD,
-    NODE,
-    PC,
     TICK,
     TURN,
     Alive,
@@ -28,11 +26,9 @@ from sonar_component.devices.seanet_protocol import (
     HeadCommand,
     HeadData,
     HeadState,
-    MessageId,
-    SeaNetMessage,
-    SeaNetParser,
     parse_head_command,
 )
+from sonar_component.devices.seanet_protocol import NODE, PC, MessageId, SeaNetMessage, SeaNetParser
 from sonar_component.samples import Sonar
 from sonar_component.sonars.scanning_settings import ScanningSettings
 

@@ -20,17 +20,8 @@ from numpy.typing import NDArray
 
 from sonar_component.devices.echoes import PingOrder
 from sonar_component.devices.link import Arrival, Kind, Outgoing, Peer
-from sonar_component.devices.oculus_messages import (
-    RATES,
-    Fire,
-    Flags,
-    MessageId,
-    OculusParser,
-    PingRate,
-    Result,
-    Status,
-    header,
-)
+from sonar_component.devices.oculus_messages import RATES, Fire, Flags, MessageId, PingRate, Result, Status, header
+from sonar_component.devices.oculus_protocol import OculusParser
 from sonar_component.samples import Sonar
 from sonar_component.sonars.settings import ForwardLookingSettings
 

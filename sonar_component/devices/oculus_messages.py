@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 
 OCULUS_ID = 0x4F53
 HEADER = struct.Struct("<HHHHHIH")  # id, source, destination, message, version, payload size, spare
-_START = struct.pack("<H", OCULUS_ID)
-_PAYLOAD_MAX = 1 << 12  # [bytes], of what a client sends: a fire message has 73, anything much longer is garbage
 
 _FIRE_1 = struct.Struct("<BBBBBdddd")
 _FIRE_2 = struct.Struct("<BBBBBddddI32x")
 _RESULT_1 = struct.Struct("<IIddddIBdHHIII")
 _RESULT_2 = struct.Struct("<IIddddddddBdHH16xIII")
+FIRE_SIZES = {1: _FIRE_1.size, 2: _FIRE_2.size}  # [bytes], by version
 _STATUS = struct.Struct("<IHHI24sIII6s8dd")
 _ALIGNMENT = 64  # [bytes], of the image in a message: the gap after the bearings is the device's to choose
 
@@ -293,63 +292,6 @@ class Status:
 def header(message_id: int, payload_size: int, version: int = 1, source: int = 0, destination: int = 0) -> bytes:
     """The 16 bytes in front of each message."""
     return HEADER.pack(OCULUS_ID, source, destination, message_id, version, payload_size, 0)
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """A message that is not for this device."""
-
-    message_id: int
-    payload: bytes
-
-
-class OculusParser:
-    """Bytes of a client in, messages out, wherever they are cut.
-
-    A fire message is measured by its version and not by its header alone, since a client is known that writes a payload
-    size of 0 there. What is not a message is passed over up to the next start.
-
-    Attributes
-    ----------
-    dropped : int
-        Bytes passed over, and fire messages that could not be read.
-    """
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-        self.dropped = 0
-
-    def feed(self, data: bytes) -> list[Fire | Unknown]:
-        """Take bytes; what they complete, in order."""
-        self._buffer += data
-        found: list[Fire | Unknown] = []
-        while self._find_start():
-            _, _, _, kind, version, size, _ = HEADER.unpack_from(self._buffer)
-            if kind == MessageId.FIRE and size == 0:
-                size = _FIRE_2.size if version == 2 else _FIRE_1.size
-            if size > _PAYLOAD_MAX:
-                self._drop(len(_START))
-                continue
-            if len(self._buffer) < HEADER.size + size:
-                break
-            payload = bytes(self._buffer[HEADER.size : HEADER.size + size])
-            del self._buffer[: HEADER.size + size]
-            try:
-                found.append(parse_fire(payload) if kind == MessageId.FIRE else Unknown(kind, payload))
-            except ValueError:
-                self.dropped += 1
-        return found
-
-    def _drop(self, count: int) -> None:
-        self.dropped += count
-        del self._buffer[:count]
-
-    def _find_start(self) -> bool:
-        start = self._buffer.find(_START)
-        if start < 0:
-            start = len(self._buffer) - (self._buffer[-1:] == _START[:1])
-        self._drop(start)
-        return len(self._buffer) >= HEADER.size
 
 
 def _number(address: str) -> int:

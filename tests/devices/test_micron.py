@@ -14,16 +14,8 @@ import pytest
 import serial
 from conftest import PILLAR, WALL, Emulated, same_echoes
 
-from sonar_component.devices.seanet_protocol import (
-    Control,
-    HeadCommand,
-    HeadData,
-    MessageId,
-    SeaNetMessage,
-    SeaNetParser,
-    parse_alive,
-    parse_head_data,
-)
+from sonar_component.devices.seanet_messages import Control, HeadCommand, HeadData, parse_alive, parse_head_data
+from sonar_component.devices.seanet_protocol import MessageId, SeaNetMessage, SeaNetParser
 from sonar_component.samples.sonar import SPEED_OF_SOUND
 
 BINS, INTERVAL = 400, 26  # [-], [640 ns]: 5 m

@@ -12,16 +12,8 @@ from wires import SERIAL, Bench
 
 from sonar_component.devices.link import Kind
 from sonar_component.devices.micron_head import MicronHead
-from sonar_component.devices.seanet_protocol import (
-    Control,
-    HeadCommand,
-    HeadData,
-    MessageId,
-    SeaNetMessage,
-    SeaNetParser,
-    parse_alive,
-    parse_head_data,
-)
+from sonar_component.devices.seanet_messages import Control, HeadCommand, HeadData, parse_alive, parse_head_data
+from sonar_component.devices.seanet_protocol import MessageId, SeaNetMessage, SeaNetParser
 from sonar_component.sonars.scanning_settings import ScanningSettings
 
 ROUND = Control.ADC_8_BIT | Control.CONTINUOUS | Control.SCAN_RIGHT

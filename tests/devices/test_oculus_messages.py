@@ -16,14 +16,13 @@ from sonar_component.devices.oculus_messages import (
     HEADER,
     Fire,
     Flags,
-    OculusParser,
     Result,
     Status,
-    Unknown,
     header,
     parse_fire,
     parse_result,
 )
+from sonar_component.devices.oculus_protocol import OculusParser, Unknown
 
 # The structures as independent programs read them: of these the sizes are known to be checked.
 RESULT_1 = "<HHHHHIH BBBBBdddd IIddddIBdHHIII"

@@ -6,18 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonar_component.devices.seanet_protocol import (
-    NODE,
-    PC,
+from sonar_component.devices.seanet_messages import (
     Alive,
     HeadCommand,
     HeadData,
-    SeaNetMessage,
-    SeaNetParser,
     parse_alive,
     parse_head_command,
     parse_head_data,
 )
+from sonar_component.devices.seanet_protocol import NODE, PC, SeaNetMessage, SeaNetParser
 
 _U8, _U16, _U32 = st.integers(0, 255), st.integers(0, 0xFFFF), st.integers(0, 2**32 - 1)
 messages = st.builds(SeaNetMessage, _U8, st.binary(max_size=200), _U8, _U8, _U8)
