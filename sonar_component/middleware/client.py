@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, TypeVar, overload
 
@@ -20,8 +21,9 @@ from sonar_component.middleware.ports import MAX_FRAME_BYTES, Connection
 from sonar_component.middleware.rundir import find_task
 from sonar_component.middleware.schema import schema_of
 from sonar_component.middleware.transport.control import ControlClient
+from sonar_component.middleware.transport.keys import joining
 from sonar_component.middleware.transport.loop import Bell
-from sonar_component.middleware.transport.transport import Transport
+from sonar_component.middleware.transport.transport import Join, Transport
 from sonar_component.settings.errors import SettingsError, suggest
 
 T = TypeVar("T")
@@ -41,13 +43,15 @@ class PortReader(Generic[T]):
     """
 
     def __init__(
-        self, name: str, endpoint: str, type_name: str, decoder: Decoder, policy: Policy, timeout: float | None
-    ) -> None:
+        self, name: str, endpoint: str, type_name: str, decoder: Decoder, policy: Policy, timeout: float | None,
+        join: Join | None = None,
+    ) -> None:  # fmt: skip
         self.name, self.type_name, self.timeout = name, type_name, timeout
         self._transport = Transport()
         self._bell = Bell(self._transport.loop)
         self._connection = Connection(name, Mailbox(policy), on_arrival=self._bell.ring)
-        self._subscriber = self._transport.subscribe(endpoint, self._connection, decoder, "client", MAX_FRAME_BYTES)
+        connection, subscribe = self._connection, self._transport.subscribe
+        self._subscriber = subscribe(endpoint, connection, decoder, "client", MAX_FRAME_BYTES, join)
         self._bell.attend(self._subscriber)
 
     @property
@@ -102,11 +106,13 @@ class PortReader(Generic[T]):
 def connect(
     name: str, sample_type: type[T], *, policy: str | Policy = ..., size: int = ..., timeout: float | None = ...,
     instance: str | None = ..., endpoint: str | None = ..., decoder: Decoder | None = ...,
+    keys: tuple[str, str | Path] | None = ...,
 ) -> PortReader[T]: ...  # fmt: skip
 @overload
 def connect(
     name: str, sample_type: None = ..., *, policy: str | Policy = ..., size: int = ..., timeout: float | None = ...,
     instance: str | None = ..., endpoint: str | None = ..., decoder: Decoder | None = ...,
+    keys: tuple[str, str | Path] | None = ...,
 ) -> PortReader[Any]: ...  # fmt: skip
 
 
@@ -120,6 +126,7 @@ def connect(
     instance: str | None = None,
     endpoint: str | None = None,
     decoder: Decoder | None = None,
+    keys: tuple[str, str | Path] | None = None,
 ) -> PortReader[Any]:
     """Read an output port of a running task.
 
@@ -130,6 +137,8 @@ def connect(
     policy, size : ``data`` for the latest sample, ``buffer`` or ``circular_buffer`` with a size to see them all.
     timeout : seconds to wait for the task and for each sample; None for ever.
     endpoint : ZeroMQ address, where there is no run directory in common.
+    keys : name of our own pair (``sonar keys new NAME``) and file of the server's public key, for an endpoint that
+        another host guards.
     decoder : replaces the sample type; for tools that look at headers only.
 
     Raises
@@ -152,7 +161,8 @@ def connect(
             hint = suggest(policy, _POLICIES)
             raise SettingsError(f"policy must be one of {', '.join(_POLICIES)}, got {policy!r}{hint}")
         policy = Policy.of(policy, size, init=True)
-    return PortReader(name, endpoint, type_name, decoder, policy, timeout)
+    join = None if keys is None else joining(keys[0], Path(keys[1]))
+    return PortReader(name, endpoint, type_name, decoder, policy, timeout, join)
 
 
 def _typed(cls: type) -> Decoder:

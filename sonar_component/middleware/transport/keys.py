@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,24 @@ def own_keys(name: str) -> tuple[bytes, bytes]:
     if secret is None:
         raise SettingsError("holds no secret key", str(file))
     return public, secret
+
+
+def joining(name: str, server: Path) -> Callable[[Socket], None]:
+    """What shows our key of that name to a server whose public key is in a file, before a socket connects.
+
+    Raises
+    ------
+    SettingsError
+        If one of the two keys is missing.
+    """
+    (public, secret), known = own_keys(name), public_key(server)
+
+    def join(socket: Socket) -> None:
+        socket.setsockopt(zmq.CURVE_SECRETKEY, secret)
+        socket.setsockopt(zmq.CURVE_PUBLICKEY, public)
+        socket.setsockopt(zmq.CURVE_SERVERKEY, known)
+
+    return join
 
 
 class Guard:
