@@ -125,7 +125,7 @@ def test_a_mesh_that_is_gone_is_an_error_state_that_names_file_line_and_key(grap
         ("{world: configs/scenes/wreck_site", "{world: configs/scenes/wrekc_site", "tasks.scene.properties.world: "),
         ("14 m, -1 m", "14 m, .nan", "tasks.pose.properties.position.1: "),
         ("radius: 17 m", "radius: 17 deg", "radius: must be of length (m, mm, cm, km): 'deg' is of angle"),
-        ("config: [configs/sonars/gemini_720i.yaml]", "properties: {range: 0 m}", "range: must be 0.1 m to 1000 m"),
+        ("{accuracy: 0.05}", "{range: 0 m}", "range: must be 0.1 m to 1000 m"),
         ("configs/sonars/gemini_720i", "configs/sonars/gemini_720", 'no such file (did you mean "gemini_720i.yaml"?)'),
         ("from: fls.sonar_samples", "from: fls.sonar_sample", '(did you mean "sonar_samples"?)'),
         ("type: ViewerTask", "type: ViwerTask", 'is not a known task type (did you mean "ViewerTask"?)'),
