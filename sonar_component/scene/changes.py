@@ -35,8 +35,8 @@ def make_body(
     return made.bodies[name]
 
 
-def make_material(world: World, settings: str | Mapping[str, Any], beside: Path) -> Material:
-    """Make a material as ``materials`` of a scene YAML describes it, or find one of the world by its name.
+def make_material(world: World, body: str, settings: str | Mapping[str, Any], beside: Path) -> Material:
+    """Make a material as ``material`` of a body in a scene YAML describes it, or find one of the world by its name.
 
     Raises
     ------
@@ -45,14 +45,14 @@ def make_material(world: World, settings: str | Mapping[str, Any], beside: Path)
     """
     if not isinstance(settings, str) and "texture_size" in settings:
         raise SettingsError("material: texture_size belongs to the mesh: give it where the body is made")
-    body = {"box": {"size": [1, 1, 1]}, "material": settings if isinstance(settings, str) else dict(settings)}
-    data = {"version": 1, "bodies": {"material": body}}
+    # The box is only a way to say it: the reader of scenes takes materials of bodies.
+    box = {"box": {"size": [1, 1, 1]}, "material": settings if isinstance(settings, str) else dict(settings)}
+    data = {"version": 1, "bodies": {body: box}}
     try:
         made = read_scene(Document(data, "set_material"), beside, (), materials_of(world))
     except SettingsError as error:
-        # The body is only a way to say it; the user has named none.
-        raise SettingsError(str(error).replace("bodies.material.material", "material")) from None
-    return made.bodies["material"].parts[0].material
+        raise SettingsError(str(error).replace(f"bodies.{body}.material", "material")) from None
+    return made.bodies[body].parts[0].material
 
 
 def materials_of(world: World) -> dict[str, Material]:

@@ -101,7 +101,7 @@ class SceneTask(Task):
         """Give a body, or its parts of that name, a material of the world by name or as in a scene YAML."""
         from sonar_component.scene.changes import make_material
 
-        self.world.set_material(body, make_material(self.world, material, self._file), part)
+        self.world.set_material(body, make_material(self.world, body, material, self._file), part)
         return self._changed_world()
 
     @operation

@@ -29,6 +29,6 @@ def test_a_world_is_loaded_in_a_process_of_its_own_and_measured(context: Any) ->
     (row,) = load_costs(5000, kinds=("ply",))
     assert row["triangles"] == 5000
     assert all(row[key] > 0 for key in ("load_s", "describe_s", "upload_s"))
-    assert row["peak_mb"] >= 0
+    assert row["peak_mb"] >= row["held_mb"] - 0.1  # pages are counted in batches
     # Position and normal of each vertex, three corners of each triangle.
     assert row["gpu_mb"] == pytest.approx((51 * 51 * 24 + 5000 * 12) / 1e6)

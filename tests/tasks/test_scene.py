@@ -138,6 +138,7 @@ def test_a_material_is_set_by_settings_or_by_the_name_of_one_in_the_world(task: 
     assert task.world.bodies["floor"].parts[0].material.reflectance == 1.4
     call(task, "set_material", {"body": "ball", "material": {"reflectance": 0.35}, "part": "ball"})
     assert task.world.bodies["ball"].parts[0].material.reflectance == 0.35
+    assert task.world.bodies["ball"].parts[0].material.name == "ball"  # as a body's own material in a scene file
 
 
 @pytest.mark.parametrize(

@@ -63,11 +63,37 @@ def _show_scaling(console: Console, results: dict[str, Any]) -> None:
             f"{row['first_ms']:.0f}",
         )
     console.print(table)
+    _show_features(console, results["features"])
+    _show_loading(console, results["loading"])
     start, memory = results["start"], results["memory"]
     console.print(
         f"Fresh process: imports {start['imports_s']:.2f} s, then {start['first_frame_s']:.2f} s to the first frame. "
         f"Memory over {memory['frames']:,} frames: {memory['grown_mb']:+.1f} MB."
     )
+
+
+def _show_features(console: Console, rows: list[dict[str, Any]]) -> None:
+    table = Table("feature", title="A feature off, on, and off again (51 200 triangles, every one with the feature)")
+    for heading in ("off [ms]", "on [ms]", "off again [ms]", "off [kB]", "on [kB]", "off again [kB]"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        times = (f"{row[f'{phase}_ms']:.2f}" for phase in ("off", "on", "off_again"))
+        sizes = (f"{row[f'{phase}_bytes'] / 1e3:.1f}" for phase in ("off", "on", "off_again"))
+        table.add_row(row["feature"].lower().replace("_", " "), *times, *sizes)
+    console.print(table)
+
+
+def _show_loading(console: Console, rows: list[dict[str, Any]]) -> None:
+    table = Table("file", title="Loading a large world, in a process of its own")
+    columns = {
+        "triangles": "triangles", "file_mb": "file [MB]", "load_s": "load [s]", "peak_mb": "peak [MB]",
+        "held_mb": "held [MB]", "describe_s": "describe [s]", "upload_s": "upload [s]", "gpu_mb": "GPU [MB]",
+    }  # fmt: skip
+    for heading in columns.values():
+        table.add_column(heading, justify="right")
+    for row in rows:
+        table.add_row(row["file"], f"{row['triangles']:,}", *(f"{row[key]:.2f}" for key in list(columns)[1:]))
+    console.print(table)
 
 
 def _show_transport(console: Console, results: dict[str, Any]) -> None:

@@ -15,7 +15,9 @@ from sonar_component.cli.benchmarks.scenes import Case, comparison, crowd, plain
 from sonar_component.cli.benchmarks.tables import RANGE
 from sonar_component.cli.benchmarks.timing import time_frames
 from sonar_component.gl import Context, create_context
+from sonar_component.sonars import feature_costs
 from sonar_component.sonars.forward_looking import ForwardLookingSonar
+from sonar_component.sonars.load_cost import load_costs
 from sonar_component.sonars.settings import ForwardLookingSettings
 
 _START = """
@@ -58,8 +60,11 @@ def run(frames: int, say: Callable[[str], None], tick: Callable[[], None]) -> An
         row("triangles in 80 x 80 m", triangles, plain(triangles, 80.0))
     for triangles, size in ((31_000, 80.0), (125_000, 160.0), (500_000, 320.0)):
         row("triangles in the world, 5 per m2", triangles, plain(triangles, size))
-    say("cold start")
-    return {"rows": rows, "start": _cold_start(), "memory": _memory(context, tick)}
+    say("features, loading, cold start")
+    return {
+        "rows": rows, "features": feature_costs.benchmark(context, frames, tick), "loading": load_costs(tick=tick),
+        "start": _cold_start(), "memory": _memory(context, tick),
+    }  # fmt: skip
 
 
 def _cost(context: Context, case: Case, changed: dict[str, Any], frames: int) -> dict[str, float]:
