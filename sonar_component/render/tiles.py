@@ -35,14 +35,18 @@ def split(vertices: Array, faces: NDArray[np.int32]) -> list[NDArray[np.int32]]:
         Indices of the faces of each tile; faces with a vertex that is not finite are in none.
     """
     # A single vertex that is not a number would hide its whole tile; the world has counted such faces.
-    sound = np.flatnonzero(np.isfinite(vertices[faces]).all(axis=(1, 2)))
+    a, b, c = faces.T
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(vertices).all(axis=1))
+    sound = np.flatnonzero(finite[a] & finite[b] & finite[c])
     if not len(sound):
         return []
-    corners = vertices[faces[sound]]
-    centres = corners.mean(axis=1)
-    size = np.ptp(corners, axis=1).max(axis=1)
+    # Axis by axis and corner by corner: NumPy is slow along an axis of three.
+    p_a, p_b, p_c = (vertices.T.take(corner[sound], axis=1) for corner in (a, b, c))
+    centres = (p_a + p_b + p_c) / 3
+    least, greatest = np.minimum(np.minimum(p_a, p_b), p_c), np.maximum(np.maximum(p_a, p_b), p_c)
+    size = (greatest - least).max(axis=0)
     # A few huge triangles (a floor of two) would stretch the tiles of all their neighbours over everything.
-    huge = size > _HUGE * np.ptp(corners, axis=(0, 1)).max()
+    huge = size > _HUGE * (greatest.max(axis=1) - least.min(axis=1)).max()
     waiting = [np.flatnonzero(group) for group in (huge, ~huge) if group.any()]
     tiles: list[NDArray[np.int32]] = []
     while waiting:
@@ -50,8 +54,9 @@ def split(vertices: Array, faces: NDArray[np.int32]) -> list[NDArray[np.int32]]:
         if len(chosen) <= TILE_FACES:
             tiles.append(sound[chosen].astype(np.int32))
             continue
-        extent = np.ptp(centres[chosen], axis=0)
-        order = np.argpartition(centres[chosen, extent.argmax()], len(chosen) // 2)
+        inside = centres.take(chosen, axis=1)  # indexing would give it back turned, and slow
+        longest = (inside.max(axis=1) - inside.min(axis=1)).argmax()
+        order = np.argpartition(inside[longest], len(chosen) // 2)
         waiting += [chosen[order[: len(chosen) // 2]], chosen[order[len(chosen) // 2 :]]]
     return tiles
 
