@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import platform
+import sys
 from pathlib import Path
 from typing import Any
 
 import typer
 
+_WIDTH = 140  # [characters], of tables that go to a file or a pipe
 _NAMES = ("tables", "error", "scaling", "transport")
 
 
@@ -34,7 +36,7 @@ def bench(
     for name in names or []:
         if name not in _NAMES:
             raise SettingsError(f"bench: there is no benchmark {name!r}{suggest(name, _NAMES)}: {', '.join(_NAMES)}")
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else _WIDTH)
     results: dict[str, Any] = {"machine": _machine()}
     with Progress(console=console, transient=True) as progress:
         for name in names or _NAMES:
