@@ -12,7 +12,7 @@ from sonar_component.middleware.operations import operation
 from sonar_component.middleware.ports import InputPort, OutputPort
 from sonar_component.middleware.task import PortDriven, Task
 from sonar_component.samples import RigidBodyState, Sonar
-from sonar_component.samples.scene_description import BodyPoses, SceneDescription
+from sonar_component.samples.scene_description import MOST_BYTES, BodyPoses, SceneDescription
 
 NO_SCENE = "NO_SCENE"
 NO_POSE = "NO_POSE"
@@ -53,7 +53,7 @@ class DeviceEndpoint(Task):
         RigidBodyState, required=True, doc="Pose of the sonar in the world."
     )
     scene: InputPort[SceneDescription] = InputPort(
-        SceneDescription, required=True, automatic=True, doc="The world to look at."
+        SceneDescription, required=True, automatic=True, max_bytes=MOST_BYTES, doc="The world to look at."
     )
     body_poses: InputPort[BodyPoses] = InputPort(BodyPoses, automatic=True, doc="Where its moving bodies are.")
     sonar_samples: OutputPort[Sonar] = OutputPort(Sonar, queue=8, doc="What the device's client got, ping by ping.")

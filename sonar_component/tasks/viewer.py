@@ -18,7 +18,7 @@ from sonar_component.middleware.policy import Received
 from sonar_component.middleware.ports import Connection, InputPort, invalid_reason
 from sonar_component.middleware.task import NoProperties, PortDriven, Task
 from sonar_component.samples import Frame, Sonar
-from sonar_component.samples.scene_description import BodyPoses, SceneDescription
+from sonar_component.samples.scene_description import MOST_BYTES, BodyPoses, SceneDescription
 from sonar_component.settings.quantity import Duration
 from sonar_component.tasks.page import LOOPBACK
 
@@ -58,7 +58,7 @@ class ViewerTask(Task):
 
     sonar_samples: InputPort[Sonar] = InputPort(Sonar, doc="Images of any number of sonars.")
     scene: InputPort[SceneDescription] = InputPort(
-        SceneDescription, automatic=True, doc="The world, to be shown around the sonars."
+        SceneDescription, automatic=True, max_bytes=MOST_BYTES, doc="The world, to be shown around the sonars."
     )
     body_poses: InputPort[BodyPoses] = InputPort(BodyPoses, automatic=True, doc="Where its moving bodies are.")
     camera_samples: InputPort[Frame] = InputPort(Frame, doc="Pictures of an underwater camera.")
