@@ -121,6 +121,8 @@ class SonarTask(Task):
         world = self._replica.take(self.scene.read_new(), self.body_poses.read_new())
         if world is None:
             self.note(NO_SCENE, "waits for a scene description on the port scene")
+        elif self.lifecycle.substate == NO_SCENE:
+            self.note("")  # also where nobody listens yet
         return world
 
     def wanted(self) -> bool:

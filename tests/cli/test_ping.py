@@ -205,6 +205,26 @@ def test_a_summary_for_machines(context: Any, ping: Ping, boxes: Path) -> None:
     assert 0 < summary["lit"] < 1
 
 
+def test_explain_lists_each_feature_with_its_reason_and_cost(context: Any, ping: Ping, boxes: Path) -> None:
+    Image.new("L", (4, 4), 128).save(ping.folder / "grey.png")
+    scene = ping.write(
+        "scene.yaml",
+        "version: 1\nmaterials: {rust: {reflectance_map: grey.png}}\n"
+        "bodies: {ball: {sphere: {radius: 1}, pose: {position: [5, 0, 0]}, material: rust}}\n",
+    )
+    small = ("--scene", scene, "--set", "range=10 m", "--set", "beam_count=16", "--out", "b.npz", "--explain")
+    code, out, _ = ping(*small)
+    assert code == 0
+    assert "  normal map: off, no material has a normal map: no code, no texture, no column\n" in out
+    line = next(line for line in out.splitlines() if line.startswith("  reflectance map: on"))
+    assert line.startswith("  reflectance map: on, a reflectance map in rust: ")
+    assert line.endswith(" ms of drawing")
+    summary = json.loads(ping(*small, "--json")[1])
+    used = {feature["name"]: feature for feature in summary["features"] if feature["on"]}
+    assert set(used) == {"WIDE_FAN", "SIGMOID", "REFLECTANCE_MAP"}
+    assert all(0 <= feature["cost_ms"] <= feature["whole_ms"] for feature in used.values())
+
+
 def test_a_black_image_says_why(context: Any, ping: Ping, boxes: Path) -> None:
     code, _, err = ping("--scene", boxes / "box.stl", "--rpy-deg", 0, 0, 180, "--out", "box.npz")
     assert (code, err) == (0, "warning: no surface lies in the sector within 50 m: the image is black\n")
