@@ -65,15 +65,21 @@ out uvec2 sample_bits;
 
 void main() {
     float range = length(p_S);
+    float inverse_range = 1.0 / range;
     // A normal of length zero says nothing: the triangle's own plane then does.
     vec3 plane = cross(dFdx(p_S), dFdy(p_S));
-    vec3 normal = dot(n_S, n_S) > 1e-12 ? normalize(n_S) : normalize(plane);
-    float cosine = dot(normal, p_S) / range;
+    vec3 normal = dot(n_S, n_S) > 1e-12 ? n_S : plane;
+    normal *= inversesqrt(dot(normal, normal));
+    float cosine = dot(normal, p_S) * inverse_range;
 #ifdef NORMAL_MAP
     normal = perturbed(normal);
 #endif
     // Two-sided: a surface answers alike whichever way its triangles are wound.
-    float strength = abs(dot(normal, p_S)) / range * reflectance;
+#ifdef NORMAL_MAP
+    float strength = abs(dot(normal, p_S)) * inverse_range * reflectance;
+#else
+    float strength = abs(cosine) * reflectance;
+#endif
 #ifdef REFLECTANCE_MAP
     if (reflectance_layer != 0u)
         strength *= texture(reflectance_maps, vec3(uv, float(reflectance_layer) - 1.0)).x;
@@ -90,9 +96,9 @@ void main() {
     float extent = sqrt(across * across + along * along);
     // On a limb the surface turns away within the cell, and the facet that the cell's centre hit would reach far beyond
     // the edge: the mean cosine of the surface's part in the cell, not the facet's own, then says how long it is.
-    float facing = abs(dot(normalize(plane), p_S)) / range;
+    float facing = abs(dot(plane, p_S)) * inverse_range * inversesqrt(dot(plane, plane));
     float turn = 0.5 * (abs(dFdx(cosine)) + abs(dFdy(cosine)));
-    extent *= min(1.0, facing / max(facing, turn));
+    extent *= facing / max(max(facing, turn), 1e-9);
     uint strength_bits = uint(sqrt(clamp(strength / strength_max, 0.0, 1.0)) * 65535.0 + 0.5);
     uint extent_bits = uint(sqrt(clamp(extent / range_max, 0.0, 1.0)) * 32767.0 + 0.5);
     uint sign_bit = along < 0.0 ? 0x80000000u : 0u;
