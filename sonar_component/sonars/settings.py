@@ -138,8 +138,8 @@ class SonarSettings(BaseModel):
     def _within_limits(cls, value: float, info: object) -> float:
         dimension, least, greatest = _LIMITS[info.field_name]  # type: ignore[attr-defined]
         if not least <= value <= greatest:
-            low, high = _shown(least, dimension), _shown(greatest, dimension)
-            raise ValueError(f"must be {low} to {high}, got {_shown(value, dimension)}")
+            low, high = describe(least, dimension), describe(greatest, dimension)
+            raise ValueError(f"must be {low} to {high}, got {describe(value, dimension)}")
         return value
 
     @model_validator(mode="after")
@@ -199,7 +199,3 @@ class ForwardLookingSettings(SonarSettings):
             return beams.from_list(np.array(self.bearings), self.beam_height)
         make = beams.equal_angle if self.bearings == "equal_angle" else beams.equal_sine
         return make(self.beam_count, self.beam_width, self.beam_height)
-
-
-def _shown(value: float, dimension: str) -> str:
-    return f"{value / _DEG:.6g} deg" if dimension == "angle" else describe(value, dimension)
