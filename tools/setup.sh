@@ -66,6 +66,8 @@ setup() {
     extras=$(printf '%s,%s' "$extras" "$(sed -n 2p $stamp 2>/dev/null)" | sed 's/,$//')
     say "Installing the package and what it needs into .venv (a minute or two)"
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -e ".[$extras]" || die "pip could not install the package: see above"
+    # pip compiles what it copies, which our own sources are not; where Python may not write, each start would again.
+    .venv/bin/python -m compileall -q sonar_component || true
     warm_up
     printf '%s\n%s\n' "$wanted" "$extras" >$stamp
 }

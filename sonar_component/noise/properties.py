@@ -66,7 +66,7 @@ class SpeckleProperties(BaseModel):
         How far the sonar moves [m] and turns [rad] until what stays has fallen to 1/e.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, json_schema_extra=_or_a_preset)
+    model_config = ConfigDict(extra="forbid", defer_build=True, frozen=True, json_schema_extra=_or_a_preset)
 
     preset: Literal["cerqueira-2017", "cerqueira-2020", "gamma", "rayleigh", "oculus-like"] = "cerqueira-2017"
     law: LawName = "normal"

@@ -22,7 +22,7 @@ class TimeVaryingGain(BaseModel):
         Greatest gain of the amplifier [dB].
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", defer_build=True, frozen=True)
 
     spreading: Annotated[Level, Field(ge=0, le=80)] = 0.0
     absorption: Annotated[Attenuation, Field(ge=0, le=10)] = 0.0

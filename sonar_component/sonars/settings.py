@@ -42,7 +42,7 @@ _LIMITS: dict[str, tuple[str, float, float]] = {  # property -> dimension, least
 class AttenuationProperties(BaseModel):
     """The water, for the absorption of sound; defaults as in the original simulator."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", defer_build=True)
 
     frequency: Annotated[Frequency, Field(ge=100, le=1e6)] = 300e3
     temperature: Annotated[Temperature, Field(ge=267.15, le=308.15)] = 298.15
@@ -98,7 +98,7 @@ class SonarSettings(BaseModel):
         Names of properties whose value in the file no source confirms.
     """
 
-    model_config = ConfigDict(extra="forbid", validate_assignment=True, validate_default=True)
+    model_config = ConfigDict(extra="forbid", defer_build=True, validate_assignment=True, validate_default=True)
 
     range: Length = 50.0
     min_range: Length = 0.0

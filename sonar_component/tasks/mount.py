@@ -29,7 +29,7 @@ Rotation = Annotated[Angle, Field(allow_inf_nan=False)]
 class MountProperties(BaseModel):
     """Pose of a sensor in its vehicle's frame: X forward, Y left, Z up; a positive pitch is nose down."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", defer_build=True)
 
     position: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     rpy: tuple[Rotation, Rotation, Rotation] = (0.0, 0.0, 0.0)
@@ -38,7 +38,7 @@ class MountProperties(BaseModel):
 class VehicleFile(BaseModel):
     """A vehicle: its mounts by name."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", defer_build=True)
 
     version: Literal[1]
     mounts: dict[str, MountProperties]

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from sonar_component.middleware.ports import InputPort, OutputPort
 from sonar_component.middleware.task import PortDriven, Task
 from sonar_component.samples import Frame, RigidBodyState, Sonar
 from sonar_component.samples.scene_description import MOST_BYTES, BodyPoses, SceneDescription
-from sonar_component.scene.replica import Replica
 from sonar_component.settings.errors import SettingsError
 from sonar_component.tasks.mount import Mount, MountProperties, find_mount
 
@@ -26,6 +25,8 @@ NO_SCENE = "NO_SCENE"
 
 class SonarTaskProperties(BaseModel):
     """What is set on the task around a sonar; ``OWN`` names what the sonar itself does not know."""
+
+    model_config = ConfigDict(defer_build=True)
 
     write_shader_image: bool = Field(False, description="write the samples behind each ping to shader_image")
     device: int | None = Field(None, ge=0, description="EGL device to draw on; the first by default")
@@ -86,6 +87,8 @@ class SonarTask(Task):
 
     def begin(self) -> str:
         """Take what belongs to the task from its properties; returns why that cannot be, or the empty string."""
+        from sonar_component.scene.replica import Replica  # `sonar check` has no use for worlds
+
         p = self.properties
         self._replica, self._mount = Replica(), None
         for line in p.doubts():

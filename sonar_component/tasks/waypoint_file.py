@@ -48,7 +48,7 @@ class Point(NamedTuple):
 
 
 class _PointModel(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", defer_build=True)
 
     time: Annotated[Duration, Field(allow_inf_nan=False)]
     position: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
@@ -63,7 +63,7 @@ class _PointModel(BaseModel):
 
 
 class _FileModel(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", defer_build=True)
 
     version: Literal[1]
     points: Annotated[list[_PointModel], Field(min_length=1)]

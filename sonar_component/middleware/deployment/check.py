@@ -79,9 +79,9 @@ class _Checker:
         addresses = self._addresses(tasks, connections)
         if self.errors:
             raise SettingsErrors(self.errors)
-        hosts = {key: host.model_dump() for key, host in self.file.hosts.items()}
+        hosts = {key: dict(host) for key, host in self.file.hosts.items()}
         restart = {task.process: self._restart(task) for task in tasks}
-        clock = self.file.clock.model_dump()
+        clock = dict(self.file.clock)
         file = str(Path(self.document.file).resolve())
         return Plan(name, file, tasks, connections, clock, restart, addresses, hosts, self.file.insecure)
 
@@ -147,7 +147,7 @@ class _Checker:
             if port not in inputs:
                 place: KeyPath = ("tasks", name, "activity", "port_driven", index)
                 self.wrong(place, f"{name} has no input port {port!r}{suggest(port, inputs)}; it has: {_list(inputs)}")
-        return given.model_dump(exclude_none=True)
+        return {key: value for key, value in given if value is not None}
 
     def _connections(self) -> list[ConnectionPlan]:
         found: list[ConnectionPlan] = []
@@ -221,7 +221,7 @@ class _Checker:
 
     def _restart(self, task: TaskPlan) -> RestartPlan:
         """A process follows the strictest wish of its tasks: the last one that says something."""
-        rules = self.file.defaults.model_dump()
+        rules = dict(self.file.defaults)
         for spec in (s for name, s in self.file.tasks.items() if (s.process or name) == task.process):
             rules |= {key: value for key in rules if (value := getattr(spec, key)) is not None}
         return RestartPlan(**rules)

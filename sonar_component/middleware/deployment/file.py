@@ -13,7 +13,9 @@ MAX_BUFFER = 100_000  # [samples]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", populate_by_name=True, defer_build=True)  # only the outermost is used
+    # Only the outermost is compiled, as a whole. So that no other is on the way, a default is constructed, not
+    # validated, and values are taken with dict(), not model_dump().
+    model_config = ConfigDict(extra="forbid", populate_by_name=True, defer_build=True)
 
 
 PositiveDuration = Annotated[Duration, Field(gt=0)]
@@ -63,7 +65,7 @@ class ConnectionFile(_Strict):
 
     source: str = Field(alias="from")
     to: Annotated[list[str], BeforeValidator(lambda v: [v] if isinstance(v, str) else v), Field(min_length=1)]
-    policy: Annotated[PolicyFile, BeforeValidator(_policy_from_word)] = PolicyFile(data=1)
+    policy: Annotated[PolicyFile, BeforeValidator(_policy_from_word)] = PolicyFile.model_construct(data=1)
     max_age: PositiveDuration | None = None
 
 
@@ -149,8 +151,8 @@ class DeploymentFile(_Strict):
     version: Literal[1]
     name: str | None = None
     description: str = ""
-    clock: ClockFile = ClockFile()
-    defaults: RestartFile = RestartFile()
+    clock: ClockFile = ClockFile.model_construct()
+    defaults: RestartFile = RestartFile.model_construct()
     hosts: dict[str, HostFile] = {}
     insecure: bool = False
     tasks: Annotated[dict[str, TaskFile], Field(min_length=1)]
