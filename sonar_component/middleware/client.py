@@ -4,115 +4,60 @@
         for sonar in port:
             print(sonar.bins.shape)
 
-Only the run directory is needed; for another host, `endpoint` says where the port is.
+    with connect("fls.sonar_pose_cmd", write=True) as port:
+        port.write(RigidBodyState(time=now, position=..., orientation=...))
+
+    with connect_task("fls") as fls:
+        fls.set("range", "30 m")
+
+Only the run directory is needed. For another host, `deployment` names the file that both sides have, or `endpoint` says
+where the port is.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Generic, TypeVar, overload
+from typing import Any, Literal, TypeVar, overload
 
 from sonar_component.middleware.codec import decode, decode_untyped
-from sonar_component.middleware.policy import KINDS, Account, Mailbox, Policy, Received
-from sonar_component.middleware.ports import MAX_FRAME_BYTES, Connection
-from sonar_component.middleware.rundir import find_task
+from sonar_component.middleware.policy import KINDS, Policy
+from sonar_component.middleware.proxy import TaskProxy
+from sonar_component.middleware.reach import Place, Reach
+from sonar_component.middleware.reader import Decoder, PortReader
 from sonar_component.middleware.schema import schema_of
-from sonar_component.middleware.transport.control import ControlClient
 from sonar_component.middleware.transport.keys import joining
-from sonar_component.middleware.transport.loop import Bell
-from sonar_component.middleware.transport.transport import Join, Transport
+from sonar_component.middleware.writer import PortWriter
 from sonar_component.settings.errors import SettingsError, suggest
 
 T = TypeVar("T")
-_POLICIES = [kind for kind in KINDS if kind != "reliable"]  # that one the deployment has to open at the writer
-_LOOK = 0.05  # [s], between two looks for a task that is not there yet
-Decoder = Callable[[dict[str, Any], list[Any]], Any]
-
-
-class PortReader(Generic[T]):
-    """Reads one output port; made by `connect`.
-
-    Attributes
-    ----------
-    name : ``task.port``.
-    type_name : of the samples, on the wire.
-    timeout : seconds that a read waits, None for ever.
-    """
-
-    def __init__(
-        self, name: str, endpoint: str, type_name: str, decoder: Decoder, policy: Policy, timeout: float | None,
-        join: Join | None = None,
-    ) -> None:  # fmt: skip
-        self.name, self.type_name, self.timeout = name, type_name, timeout
-        self._transport = Transport()
-        self._bell = Bell(self._transport.loop)
-        self._connection = Connection(name, Mailbox(policy), on_arrival=self._bell.ring)
-        connection, subscribe = self._connection, self._transport.subscribe
-        self._subscriber = subscribe(endpoint, connection, decoder, "client", MAX_FRAME_BYTES, join)
-        self._bell.attend(self._subscriber)
-
-    @property
-    def account(self) -> Account:
-        """What was received, replaced, dropped and lost."""
-        return self._connection.mailbox.account
-
-    @property
-    def bytes(self) -> int:
-        """Bytes received."""
-        return self._subscriber.bytes
-
-    def read(self, timeout: float | None = None) -> T:
-        """The next sample.
-
-        Raises
-        ------
-        TimeoutError
-            If none comes within `timeout` (or the reader's own) seconds.
-        """
-        sample: T = self.receive(timeout).sample
-        return sample
-
-    def receive(self, timeout: float | None = None) -> Received:
-        """The next sample with its times and sequence number; raises as `read`."""
-        timeout = self.timeout if timeout is None else timeout
-        deadline = None if timeout is None else time.monotonic() + timeout
-        while (received := self._connection.mailbox.take()) is None:
-            left = None if deadline is None else deadline - time.monotonic()
-            if left is not None and left <= 0:
-                raise TimeoutError(f"no sample on {self.name} within {timeout:g} s")
-            self._bell.wait(left)
-        return received
-
-    def __iter__(self) -> Iterator[T]:
-        while True:
-            yield self.read()
-
-    def __enter__(self) -> PortReader[T]:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Stop reading."""
-        self._transport.close()
-        self._bell.close()
+_SIZE = 16  # samples that a buffer keeps where no size is given
+AnyPolicy = str | Mapping[str, Any] | Policy
+Keys = str | tuple[str, str | Path]
+File = str | Path
 
 
 @overload
 def connect(
-    name: str, sample_type: type[T], *, policy: str | Policy = ..., size: int = ..., timeout: float | None = ...,
-    instance: str | None = ..., endpoint: str | None = ..., decoder: Decoder | None = ...,
-    keys: tuple[str, str | Path] | None = ...,
+    name: str, sample_type: type[T], *, write: Literal[True], policy: AnyPolicy = ..., size: int | None = ...,
+    shared: bool = ..., timeout: float | None = ..., instance: str | None = ..., deployment: File | None = ...,
+) -> PortWriter[T]: ...  # fmt: skip
+@overload
+def connect(
+    name: str, sample_type: None = ..., *, write: Literal[True], policy: AnyPolicy = ..., size: int | None = ...,
+    shared: bool = ..., timeout: float | None = ..., instance: str | None = ..., deployment: File | None = ...,
+) -> PortWriter[Any]: ...  # fmt: skip
+@overload
+def connect(
+    name: str, sample_type: type[T], *, write: Literal[False] = ..., policy: AnyPolicy = ..., size: int | None = ...,
+    timeout: float | None = ..., instance: str | None = ..., deployment: File | None = ..., endpoint: str | None = ...,
+    keys: Keys | None = ..., decoder: Decoder | None = ...,
 ) -> PortReader[T]: ...  # fmt: skip
 @overload
 def connect(
-    name: str, sample_type: None = ..., *, policy: str | Policy = ..., size: int = ..., timeout: float | None = ...,
-    instance: str | None = ..., endpoint: str | None = ..., decoder: Decoder | None = ...,
-    keys: tuple[str, str | Path] | None = ...,
+    name: str, sample_type: None = ..., *, write: Literal[False] = ..., policy: AnyPolicy = ..., size: int | None = ...,
+    timeout: float | None = ..., instance: str | None = ..., deployment: File | None = ..., endpoint: str | None = ...,
+    keys: Keys | None = ..., decoder: Decoder | None = ...,
 ) -> PortReader[Any]: ...  # fmt: skip
 
 
@@ -120,78 +65,153 @@ def connect(
     name: str,
     sample_type: type[Any] | None = None,
     *,
-    policy: str | Policy = "data",
-    size: int = 1,
+    write: bool = False,
+    policy: AnyPolicy = "data",
+    size: int | None = None,
+    shared: bool = False,
     timeout: float | None = 5.0,
     instance: str | None = None,
+    deployment: File | None = None,
     endpoint: str | None = None,
+    keys: Keys | None = None,
     decoder: Decoder | None = None,
-    keys: tuple[str, str | Path] | None = None,
-) -> PortReader[Any]:
-    """Read an output port of a running task.
+) -> PortReader[Any] | PortWriter[Any]:
+    """Read an output port of a running task, or write to an input port.
 
     Parameters
     ----------
     name : ``task.port`` or ``instance/task.port``.
     sample_type : the expected dataclass, for type checkers and as a check; found by its name otherwise.
-    policy, size : ``data`` for the latest sample, ``buffer`` or ``circular_buffer`` with a size to see them all.
+    write : to an input port, on this host, as long as nobody else writes to it.
+    policy, size : as in a deployment: ``data`` for the latest sample; ``buffer``, ``circular_buffer`` or ``reliable``
+        with a size (16 by default), also as ``{"buffer": 8}``. With ``reliable`` the one who writes is told when there
+        is no room; it needs both on one host.
+    shared : write beside others, whose samples then take turns with ours.
     timeout : seconds to wait for the task and for each sample; None for ever.
-    endpoint : ZeroMQ address, where there is no run directory in common.
-    keys : name of our own pair (``sonar keys new NAME``) and file of the server's public key, for an endpoint that
-        another host guards.
+    instance : which, where several run here.
+    deployment : file whose hosts are reached, for tasks that do not run here.
+    endpoint : ZeroMQ address, where there is neither a run directory nor a deployment in common.
+    keys : name of our own pair (``sonar keys new NAME``) for a deployment's hosts; for an endpoint that another host
+        guards, with the file of the server's public key.
     decoder : replaces the sample type; for tools that look at headers only.
 
     Raises
     ------
     SettingsError
-        If there is no such port, or its type is another; names the nearest.
+        If there is no such port, its type is another, or it is taken; names the nearest and what is allowed.
     """
-    type_name = sample_type.__name__ if sample_type else ""
-    if endpoint is None:
-        record, port = _find_port(name, instance, timeout)
-        name, endpoint = f"{record['task']}.{port['name']}", str(port["endpoint"])
-        if type_name and type_name != port["type"]:
-            raise SettingsError(f"{name} gives {port['type']}, not {type_name}")
-        type_name = port["type"]
-    cls = sample_type or known_type(type_name)
-    if decoder is None:
-        decoder = decode_untyped if cls is None else _typed(cls)
-    if isinstance(policy, str):
-        if policy not in _POLICIES:
-            hint = suggest(policy, _POLICIES)
-            raise SettingsError(f"policy must be one of {', '.join(_POLICIES)}, got {policy!r}{hint}")
-        policy = Policy.of(policy, size, init=True)
-    join = None if keys is None else joining(keys[0], Path(keys[1]))
-    return PortReader(name, endpoint, type_name, decoder, policy, timeout, join)
-
-
-def _typed(cls: type) -> Decoder:
-    schema = schema_of(cls)
-    return lambda header, buffers: decode(schema, header, buffers)
-
-
-def _find_port(name: str, instance: str | None, timeout: float | None) -> tuple[dict[str, Any], dict[str, Any]]:
-    task, dot, port = name.rpartition(".")
+    wanted = _policy(policy, size)
+    if endpoint is not None:
+        return _read_at(name, sample_type, endpoint, wanted, timeout, keys, decoder, write)
+    task, dot, _ = name.rpartition(".")
     if not dot:
         raise SettingsError(f"must be TASK.PORT, got {name!r}")
-    record = wait_for_task(task, instance, timeout)
-    outputs = {key: value for key, value in record["ports"].items() if value["direction"] == "out"}
-    if port not in outputs:
-        hint = "; it is an input" if port in record["ports"] else suggest(port, outputs)
-        raise SettingsError(f"{task} has no output port {port!r}{hint}; it has: {', '.join(outputs)}")
-    return record, {"name": port, **outputs[port]}
+    key = keys if isinstance(keys, str) or keys is None else keys[0]
+    place = Reach(instance, deployment, key).find(task, timeout)
+    if write:
+        return _writer(name, sample_type, place, wanted, timeout, shared)
+    return _reader(name, sample_type, place, wanted, timeout, decoder)
 
 
-def wait_for_task(name: str, instance: str | None = None, timeout: float | None = 5.0) -> dict[str, Any]:
-    """The record of a task; waits for one that is just starting, but not where nothing runs at all."""
-    deadline = None if timeout is None else time.monotonic() + timeout
-    while True:
-        try:
-            return find_task(name, instance)[1]
-        except SettingsError:
-            if deadline is not None and time.monotonic() >= deadline:
-                raise
-        time.sleep(_LOOK)
+def connect_task(
+    name: str, *, timeout: float = 5.0, instance: str | None = None, deployment: File | None = None,
+    keys: str | None = None,
+) -> TaskProxy:  # fmt: skip
+    """Talk to a running task, ``task`` or ``instance/task``; on another host by the deployment file.
+
+    Raises
+    ------
+    SettingsError
+        If no such task runs; names the nearest.
+    """
+    place = Reach(instance, deployment, keys).find(name, timeout)
+    return TaskProxy(place.record, timeout, place.join)
+
+
+def _reader(
+    name: str, sample_type: type[Any] | None, place: Place, policy: Policy, timeout: float | None,
+    decoder: Decoder | None,
+) -> PortReader[Any]:  # fmt: skip
+    name, port = _port(name, place, "out")
+    if not port["endpoint"]:
+        raise SettingsError(f"{name} does not leave host {place.host!r}: no task of another host reads it")
+    if policy.kind == "reliable" and place.host:
+        raise SettingsError(f"a reliable connection must stay on one host; {name} is on host {place.host!r}")
+    cls = _type(name, port, sample_type, "gives")
+    control = place.record["control"] if policy.kind == "reliable" else None
+    decoder = decoder or _decoder(cls)
+    return PortReader(name, port["endpoint"], port["type"], decoder, policy, timeout, place.join, control)
+
+
+def _writer(
+    name: str, sample_type: type[Any] | None, place: Place, policy: Policy, timeout: float | None, shared: bool
+) -> PortWriter[Any]:
+    name, port = _port(name, place, "in")
+    if place.host:
+        raise SettingsError(f"{name} is on host {place.host!r}: a client writes on its own host only")
+    cls = _type(name, port, sample_type, "takes")
+    if cls is None:
+        raise SettingsError(f"{name} takes {port['type']}, which is not installed here: give its class as sample_type")
+    return PortWriter(name, cls, place.record["control"], policy, timeout, shared)
+
+
+def _read_at(
+    name: str, cls: type[Any] | None, endpoint: str, policy: Policy, timeout: float | None, keys: Keys | None,
+    decoder: Decoder | None, write: bool,
+) -> PortReader[Any]:  # fmt: skip
+    if write or policy.kind == "reliable":
+        what = "writing" if write else "a reliable connection"
+        raise SettingsError(f"{what} needs the task's process on this host; leave endpoint out")
+    if isinstance(keys, str):
+        raise SettingsError("keys of an endpoint are a pair: our own name and the file of the server's public key")
+    join = None if keys is None else joining(keys[0], Path(keys[1]))
+    type_name = cls.__name__ if cls else ""
+    return PortReader(name, endpoint, type_name, decoder or _decoder(cls), policy, timeout, join)
+
+
+def _policy(given: AnyPolicy, size: int | None) -> Policy:
+    from pydantic import ValidationError
+
+    from sonar_component.middleware.deployment.file import PolicyFile
+
+    if isinstance(given, Policy):
+        return given
+    if isinstance(given, str):
+        if given not in KINDS:
+            raise SettingsError(f"policy must be one of {', '.join(KINDS)}, got {given!r}{suggest(given, KINDS)}")
+        given = {given: 1 if given == "data" else _SIZE if size is None else size}
+    try:
+        wanted = PolicyFile.model_validate(dict(given))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, ("policy", *first["loc"])))
+        raise SettingsError(f"{place}: {first['msg'].removeprefix('Value error, ')}, got {first['input']!r}") from None
+    # A client wants the last value at once, whatever the kind: it has just come.
+    return Policy(wanted.kind, wanted.size, True if wanted.init is None else wanted.init)
+
+
+def _port(name: str, place: Place, direction: str) -> tuple[str, dict[str, Any]]:
+    port, ports = name.rpartition(".")[2], place.record["ports"]
+    fitting = {key: value for key, value in ports.items() if value["direction"] == direction}
+    if port not in fitting:
+        task, side = place.record["task"], "output" if direction == "out" else "input"
+        other = "; it is an input: to write to it, say write=True" if side == "output" else "; it is an output"
+        hint = other if port in ports else suggest(port, fitting)
+        raise SettingsError(f"{task} has no {side} port {port!r}{hint}; it has: {', '.join(fitting) or 'none'}")
+    return f"{place.record['task']}.{port}", fitting[port]
+
+
+def _type(name: str, port: dict[str, Any], given: type[Any] | None, does: str) -> type[Any] | None:
+    if given is not None and given.__name__ != port["type"]:
+        raise SettingsError(f"{name} {does} {port['type']}, not {given.__name__}")
+    return given or known_type(port["type"])
+
+
+def _decoder(cls: type | None) -> Decoder:
+    if cls is None:
+        return decode_untyped
+    schema = schema_of(cls)
+    return lambda header, buffers: decode(schema, header, buffers)
 
 
 def known_type(name: str) -> type | None:
@@ -207,61 +227,3 @@ def known_type(name: str) -> type | None:
         if isinstance(found, type) and hasattr(found, "__dataclass_fields__"):
             return found
     return None
-
-
-class TaskProxy:
-    """Properties, operations and state of one running task; made by `connect_task`."""
-
-    def __init__(self, record: dict[str, Any], timeout: float) -> None:
-        self.name, self.record, self.timeout = str(record["task"]), record, timeout
-        self._transport = Transport()
-        self._client = ControlClient(self._transport.context, record["control"])
-
-    def _ask(self, op: str, **arguments: Any) -> Any:
-        return self._client.ask(op, self.timeout, task=self.name, **arguments)
-
-    def state(self) -> dict[str, Any]:
-        """State, sub-state and reason."""
-        return dict(self._ask("state"))
-
-    def describe(self) -> dict[str, Any]:
-        """All there is to know: ports, connections with their accounts, properties, operations, counters."""
-        return dict(self._ask("describe"))
-
-    def get(self, name: str | None = None) -> Any:
-        """A property's value, or all of them."""
-        return self._ask("get", name=name)
-
-    def set(self, name: str, value: Any) -> None:
-        """Set a property; RuntimeError with the reason if it is refused."""
-        self._ask("set", name=name, value=value)
-
-    def call(self, operation: str, **arguments: Any) -> Any:
-        """Call an operation; RuntimeError with the reason if it fails."""
-        return self._ask("call", name=operation, arguments=arguments)
-
-    def command(self, name: str) -> dict[str, Any]:
-        """One of configure, start, stop, cleanup, recover; the state it came to."""
-        return dict(self._ask("command", name=name))
-
-    def __enter__(self) -> TaskProxy:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Leave."""
-        self._client.close()
-        self._transport.close()
-
-
-def connect_task(name: str, *, timeout: float = 5.0, instance: str | None = None) -> TaskProxy:
-    """Talk to a running task, ``task`` or ``instance/task``.
-
-    Raises
-    ------
-    SettingsError
-        If no such task runs; names the nearest.
-    """
-    return TaskProxy(wait_for_task(name, instance, timeout), timeout)

@@ -6,11 +6,13 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
+from sonar_component.middleware.guests import Guests
 from sonar_component.middleware.lifecycle import Command, State
 from sonar_component.middleware.lockstep import Stepper
 from sonar_component.middleware.operations import call, operations_of
 from sonar_component.middleware.runner import Runner
 from sonar_component.middleware.task import Task
+from sonar_component.middleware.transport.control import ControlServer
 from sonar_component.middleware.transport.transport import Transport
 from sonar_component.settings.errors import suggest
 
@@ -18,13 +20,27 @@ Request = dict[str, Any]
 
 
 class Introspection:
-    """Answers the requests of `ControlServer`; what touches a task runs in the task's thread."""
+    """Answers the requests of `ControlServer`; what touches a task runs in the task's thread.
+
+    Attributes
+    ----------
+    records : task -> what the run directory says of it, for clients of other hosts.
+    servers : of this process, whose refusals are shown.
+    """
 
     def __init__(
-        self, tasks: dict[str, Task], runners: dict[str, Runner], transport: Transport, stepper: Stepper | None = None
+        self,
+        tasks: dict[str, Task],
+        runners: dict[str, Runner],
+        transport: Transport,
+        stepper: Stepper | None = None,
+        guests: Guests | None = None,
     ) -> None:
         self._tasks, self._runners, self._transport = tasks, runners, transport
+        self.records: dict[str, dict[str, Any]] = {}
+        self.servers: list[ControlServer] = []
         self._answers: dict[str, Callable[[Task, Request], Any]] = {
+            "record": lambda task, request: self.records[task.name],
             "state": lambda task, request: state_of(task),
             "describe": lambda task, request: self._describe(task),
             "get": self._get,
@@ -32,6 +48,8 @@ class Introspection:
             "call": self._call,
             "command": self._command,
         }
+        if guests is not None:
+            self._answers |= guests.answers()
         if stepper is not None:
             self._answers["step"] = lambda task, request: stepper.step(request)
 
@@ -55,6 +73,7 @@ class Introspection:
             "operations": operations_of(type(task)),
             "inputs": {name: self._input(port) for name, port in task.inputs.items()},
             "outputs": {name: self._output(port) for name, port in task.outputs.items()},
+            "refused_requests": {k: v for server in self.servers for k, v in server.rejected.as_dict().items()},
         }
 
     def _input(self, port: Any) -> dict[str, Any]:

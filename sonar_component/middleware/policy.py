@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 KINDS = ("data", "buffer", "circular_buffer", "reliable")
+MAX_SIZE = 100_000  # [samples]
 
 
 class FlowStatus(Enum):

@@ -130,7 +130,11 @@ class InputPort(_Port, Generic[T]):
     def add(self, connection: Connection) -> None:
         """Read from one more connection."""
         connection.on_arrival = lambda: self.on_arrival()
-        self.connections.append(connection)
+        self.connections = [*self.connections, connection]
+
+    def remove(self, connection: Connection) -> None:
+        """Read no more from a connection; the list is replaced, since the task may be walking along the old one."""
+        self.connections = [other for other in self.connections if other is not connection]
 
     def connected(self) -> bool:
         """Whether anything is connected."""
@@ -202,9 +206,10 @@ class InputPort(_Port, Generic[T]):
             connection.mailbox.clear()
 
     def _take(self) -> Received | None:
-        count = len(self.connections)
+        connections = self.connections
+        count = len(connections)
         for index in range(self._next, self._next + count):
-            received = self.connections[index % count].mailbox.take()
+            received = connections[index % count].mailbox.take()
             if received is not None:
                 self._next = (index + 1) % count  # the next read begins with another writer
                 return received

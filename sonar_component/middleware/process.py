@@ -21,6 +21,7 @@ from typing import Any
 from sonar_component.middleware.clock import Clock, SimulatedClock, SteppedClock, WallClock
 from sonar_component.middleware.deployment.plan import ConnectionPlan, Plan, TaskPlan
 from sonar_component.middleware.deployment.task_types import task_type
+from sonar_component.middleware.guests import Guests
 from sonar_component.middleware.introspection import Introspection
 from sonar_component.middleware.lifecycle import Command, LifeCycle, State
 from sonar_component.middleware.lockstep import Stepper
@@ -74,13 +75,25 @@ class Process:
         for connection in self.plan.connections:
             self._join(connection)
         stepper = Stepper(self.tasks, self.runners, self.clock) if isinstance(self.clock, SteppedClock) else None
-        self.introspection = Introspection(self.tasks, self.runners, self.transport, stepper)
+        guests = Guests(self.transport, self.instance)
+        self.introspection = Introspection(self.tasks, self.runners, self.transport, stepper, guests)
         control = self.instance.endpoint(f"{self.name}.control")
-        self.control = ControlServer(self.transport.context, [control], self.transport.loop, self.introspection.answer)
+        self._answer_at(control)
+        if (remote := self.plan.controls.get(f"{self.host}/{self.name}")) is not None:
+            self._answer_at(remote, self._own_guard())
         for planned in self.planned:
-            self.instance.write_record(planned.name, self._record(planned, control))
+            record = self.introspection.records[planned.name] = self._record(planned, control)
+            self.instance.write_record(planned.name, record)
         for runner in set(self.runners.values()):
             runner.start()
+
+    def _answer_at(self, endpoint: str, guard: Guard | None = None) -> None:
+        loop, answer = self.transport.loop, self.introspection.answer
+        self.introspection.servers.append(ControlServer(self.transport.context, [endpoint], loop, answer, guard))
+
+    def _own_guard(self) -> Guard | None:
+        """What asks others for keys: only where the file gives this host one."""
+        return self.guard if self.plan.hosts[self.host]["key"] else None
 
     def _make(self, planned: TaskPlan) -> None:
         cls = task_type(planned.type)
@@ -105,8 +118,8 @@ class Process:
     def _open_outputs(self, task: Task) -> None:
         for port in task.outputs.values():
             self.transport.bind(port, [self.instance.endpoint(port.full_name)], self.clock.name)
-            if port.full_name in self.plan.addresses:
-                self.transport.bind_remote(port, self.plan.addresses[port.full_name], self.clock.name, self.guard)
+            if (remote := self.plan.addresses.get(port.full_name)) is not None:
+                self.transport.bind_remote(port, remote, self.clock.name, self._own_guard())
             for connection in self.plan.connections:
                 if connection.source == port.full_name and self._is_reliable(connection):
                     self.transport.bind_reliable(port, self._reliable_endpoint(connection))
@@ -192,7 +205,8 @@ class Process:
             logging.getLogger(self.name).warning("does not return from its hook: %s", ", ".join(busy))
             return False
         ended = [runner.stop(max(0.1, deadline - time.monotonic())) for runner in set(self.runners.values())]
-        self.control.close()
+        for server in self.introspection.servers:
+            server.close()
         if self.guard is not None:
             self.guard.close()
         self.transport.close()

@@ -106,3 +106,22 @@ class NoisySonarTask(Task):
             sonar = frame(pose.time, 16, 20, 0.0)
             sonar.bins = np.random.default_rng(pose.time).random((16, 20), np.float32)
             self.sonar_samples.write(sonar)
+
+
+class NumbersTask(Task):
+    """Remembers the first coordinate of each pose."""
+
+    activity = PortDriven(("poses",))
+    poses: InputPort[RigidBodyState] = InputPort(RigidBodyState)
+
+    def configure_hook(self) -> None:
+        self.seen: list[float] = []
+
+    def update_hook(self) -> None:
+        while (pose := self.poses.read_new()) is not None:
+            self.seen.append(float(pose.position[0]))
+
+    @operation
+    def numbers(self) -> list[float]:
+        """What was read."""
+        return self.seen

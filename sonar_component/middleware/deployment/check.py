@@ -77,13 +77,15 @@ class _Checker:
         if self.file.clock.mode == "sim" and len({task.host for task in tasks}) > 1:
             self.wrong(("clock", "mode"), "sim needs all tasks on one host: no clock is shared between hosts")
         addresses = self._addresses(tasks, connections)
+        controls = self._controls(tasks, addresses)
+        self._no_clash({**addresses, **controls})
         if self.errors:
             raise SettingsErrors(self.errors)
         hosts = {key: dict(host) for key, host in self.file.hosts.items()}
         restart = {task.process: self._restart(task) for task in tasks}
         clock = dict(self.file.clock)
         file = str(Path(self.document.file).resolve())
-        return Plan(name, file, tasks, connections, clock, restart, addresses, hosts, self.file.insecure)
+        return Plan(name, file, tasks, connections, clock, restart, addresses, controls, hosts, self.file.insecure)
 
     def _addresses(self, tasks: list[TaskPlan], connections: list[ConnectionPlan]) -> dict[str, str]:
         """TCP addresses of the ports that are read from another host, counted from the host's first port."""
@@ -102,14 +104,43 @@ class _Checker:
             used[writer] = used.get(writer, 0) + 1
         return found
 
+    def _controls(self, tasks: list[TaskPlan], addresses: dict[str, str]) -> dict[str, str]:
+        """TCP addresses at which processes are asked from other hosts: after those of the host's ports.
+
+        A host that may not open any, since others could reach it and it has no key, is asked from itself alone.
+        """
+        host_of = {task.name: task.host for task in tasks}
+        used = [host_of[port.partition(".")[0]] for port in addresses]
+        found: dict[str, str] = {}
+        for name, host in self.file.hosts.items():
+            processes = dict.fromkeys(task.process for task in tasks if task.host == name)
+            if self._may_open(name):
+                numbered = enumerate(processes, host.port + used.count(name))
+                found |= {f"{name}/{process}": f"tcp://{host.address}:{number}" for number, process in numbered}
+        return found
+
+    def _no_clash(self, addresses: dict[str, str]) -> None:
+        """Two hosts on one machine, as in a rehearsal, must not count through the same TCP ports."""
+        owners: dict[str, str] = {}
+        for owner, address in addresses.items():
+            first = owners.setdefault(address, owner)
+            if first != owner:
+                host = owner.partition("/")[0] if "/" in owner else self._host_of(owner)
+                self.wrong(("hosts", host), f"{address} is taken by {first}: give this host another port or address")
+                return
+
+    def _host_of(self, port: str) -> str:
+        return self.file.tasks[port.partition(".")[0]].host or next(iter(self.file.hosts))
+
+    def _may_open(self, name: str) -> bool:
+        host = self.file.hosts[name]
+        return host.is_loopback or host.key is not None or self.file.insecure
+
     def _guarded(self, name: str) -> None:
         """An address that others can reach needs a key, or a word that none is wanted."""
-        host = self.file.hosts[name]
-        loopback = host.address in ("127.0.0.1", "localhost", "::1")
-        if not loopback and host.key is None and not self.file.insecure:
-            message = (
-                f"address {host.address} can be reached by others: give key (sonar keys new {name}), or insecure: true"
-            )
+        if not self._may_open(name):
+            address = self.file.hosts[name].address
+            message = f"address {address} can be reached by others: give key (sonar keys new {name}), or insecure: true"
             self.wrong(("hosts", name), message)
 
     def _host(self, name: str, given: str | None) -> str:

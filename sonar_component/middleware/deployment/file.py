@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import ipaddress
+import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from sonar_component.middleware.policy import KINDS
+from sonar_component.middleware.policy import KINDS, MAX_SIZE
 from sonar_component.settings.quantity import Duration
-
-MAX_BUFFER = 100_000  # [samples]
 
 
 class _Strict(BaseModel):
@@ -25,9 +25,9 @@ class PolicyFile(_Strict):
     """``policy: data`` or ``policy: {buffer: 8}``; at most one kind."""
 
     data: Literal[1] | None = None
-    buffer: Annotated[int, Field(ge=1, le=MAX_BUFFER)] | None = None
-    circular_buffer: Annotated[int, Field(ge=1, le=MAX_BUFFER)] | None = None
-    reliable: Annotated[int, Field(ge=1, le=MAX_BUFFER)] | None = None
+    buffer: Annotated[int, Field(ge=1, le=MAX_SIZE)] | None = None
+    circular_buffer: Annotated[int, Field(ge=1, le=MAX_SIZE)] | None = None
+    reliable: Annotated[int, Field(ge=1, le=MAX_SIZE)] | None = None
     init: bool | None = None
 
     @model_validator(mode="after")
@@ -119,12 +119,26 @@ class TaskFile(RestartOverride):
     activity: ActivityFile | None = None
 
 
+def _address(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?", value):
+        raise ValueError(f"must be an IPv4 address or the name of a host, got {value!r}")
+    return value
+
+
 class HostFile(_Strict):
     """A machine that runs some of the tasks."""
 
-    address: str
+    address: Annotated[str, AfterValidator(_address)]
     port: Annotated[int, Field(ge=1024, le=65000)] = 7600
     key: str | None = None
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether nobody outside the machine can reach it; of a name, other than localhost, that is not known."""
+        try:
+            return ipaddress.ip_address(self.address).is_loopback
+        except ValueError:
+            return self.address == "localhost"
 
 
 class ClockFile(_Strict):

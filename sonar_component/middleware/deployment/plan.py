@@ -55,6 +55,7 @@ class Plan:
     clock : mode, rate, lockstep, step [s], start [s].
     restart : process -> its rules.
     addresses : ``task.port`` -> tcp address, for ports read from another host.
+    controls : ``host/process`` -> tcp address at which another host may ask that process.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Plan:
     clock: dict[str, Any] = field(default_factory=lambda: {"mode": "wall", "rate": 1.0, "lockstep": False})
     restart: dict[str, RestartPlan] = field(default_factory=dict)
     addresses: dict[str, str] = field(default_factory=dict)
+    controls: dict[str, str] = field(default_factory=dict)
     hosts: dict[str, dict[str, Any]] = field(default_factory=dict)
     insecure: bool = False
 

@@ -17,9 +17,11 @@ from typing import Any
 import msgpack
 import zmq
 
+from sonar_component.middleware.transport.keys import Guard
 from sonar_component.middleware.transport.loop import Loop
+from sonar_component.middleware.transport.monitor import FAILED, Monitor
 from sonar_component.middleware.transport.rejections import Rejections, peer_of
-from sonar_component.middleware.transport.sockets import MAX_REQUEST_BYTES, Socket, open_socket
+from sonar_component.middleware.transport.sockets import MAX_REQUEST_BYTES, Socket, bind, open_socket
 
 _log = logging.getLogger("transport")
 Answer = Callable[[dict[str, Any]], Any]
@@ -30,18 +32,24 @@ class ControlServer:
 
     Attributes
     ----------
-    rejected : messages that are no requests.
+    rejected : messages that are no requests, and peers whose key is not allowed.
     """
 
-    def __init__(self, context: zmq.Context[Any], endpoints: list[str], loop: Loop, answer: Answer) -> None:
+    def __init__(
+        self, context: zmq.Context[Any], endpoints: list[str], loop: Loop, answer: Answer, guard: Guard | None = None
+    ) -> None:
         self._socket: Socket = open_socket(context, zmq.ROUTER, MAX_REQUEST_BYTES)
+        if guard is not None:
+            guard.serve(self._socket)
         for endpoint in endpoints:
-            self._socket.bind(endpoint)
+            bind(self._socket, endpoint)
         self.fd = int(self._socket.getsockopt(zmq.FD))
         self._loop, self._answer = loop, answer
         self._lock = threading.Lock()
         self.rejected = Rejections("control")
+        self._monitor = Monitor(self._socket, FAILED, self.rejected.add)
         loop.add(self)
+        loop.add(self._monitor)
 
     def serve(self) -> None:
         """Take all requests that have come."""
@@ -58,6 +66,7 @@ class ControlServer:
     def close(self) -> None:
         """Close the socket."""
         with self._lock:
+            self._monitor.close()
             self._socket.close()
 
     def _request(self, frames: list[zmq.Frame]) -> None:
@@ -106,17 +115,24 @@ class ControlServer:
 
 
 class ControlClient:
-    """Asks one process; one request at a time, from one thread."""
+    """Asks one process; one request at a time, from one thread.
 
-    def __init__(self, context: zmq.Context[Any], endpoint: str) -> None:
-        self._context, self._endpoint = context, endpoint
-        self._socket = self._open()
+    Parameters
+    ----------
+    join : shows our key to a process of another host.
+    """
+
+    def __init__(self, context: zmq.Context[Any], endpoint: str, join: Callable[[Socket], None] | None = None) -> None:
+        self._socket = open_socket(context, zmq.DEALER, MAX_REQUEST_BYTES << 4)
+        self._refusal = ""
+        self._monitor = None if join is None else Monitor(self._socket, FAILED, self._refused)
+        if join is not None:
+            join(self._socket)
+        self._socket.connect(endpoint)
         self._numbers = itertools.count(1)
 
-    def _open(self) -> Socket:
-        socket = open_socket(self._context, zmq.DEALER, MAX_REQUEST_BYTES << 4)
-        socket.connect(self._endpoint)
-        return socket
+    def _refused(self, peer: str, reason: str) -> None:
+        self._refusal = f" ({reason})"
 
     def ask(self, op: str, timeout: float = 2.0, **arguments: Any) -> Any:
         """Send a request and wait for its answer.
@@ -141,10 +157,14 @@ class ControlClient:
             if "error" in answer:
                 raise RuntimeError(answer["error"])
             return answer.get("result")
-        raise TimeoutError(f"no answer to {op!r} within {timeout:g} s")
+        if self._monitor is not None:
+            self._monitor.serve()
+        raise TimeoutError(f"no answer to {op!r} within {timeout:g} s{self._refusal}")
 
     def close(self) -> None:
         """Close the socket."""
+        if self._monitor is not None:
+            self._monitor.close()
         self._socket.close()
 
 

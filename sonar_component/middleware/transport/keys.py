@@ -90,6 +90,11 @@ def own_keys(name: str) -> tuple[bytes, bytes]:
     return public, secret
 
 
+def own_names() -> list[str]:
+    """Names of our own pairs of keys."""
+    return sorted(file.stem for file in key_folder().glob("*.key_secret"))
+
+
 def joining(name: str, server: Path) -> Callable[[Socket], None]:
     """What shows our key of that name to a server whose public key is in a file, before a socket connects.
 

@@ -6,7 +6,9 @@ port. Neither is seen in the messages, so both are taken from here.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from typing import Any
 
 import zmq
 from zmq.utils.monitor import parse_monitor_message
@@ -33,20 +35,26 @@ class Monitor:
 
     def __init__(self, socket: Socket, events: int, tell: Callable[[str, str], None]) -> None:
         self._socket, self._tell = socket.get_monitor_socket(events), tell
-        self._watched = socket
+        self._watched, self._lock = socket, threading.Lock()
         self.fd = int(self._socket.getsockopt(zmq.FD))
 
     def serve(self) -> None:
         """Take events."""
-        while not self._socket.closed:
-            try:
-                event = parse_monitor_message(self._socket.recv_multipart(zmq.NOBLOCK))
-            except zmq.Again:
-                return
+        while (event := self._next()) is not None:
             self._tell(event["endpoint"].decode(errors="replace"), _WHY.get(int(event["event"]), "disconnected"))
+
+    def _next(self) -> Any:
+        with self._lock:
+            if self._socket.closed:
+                return None
+            try:
+                return parse_monitor_message(self._socket.recv_multipart(zmq.NOBLOCK))
+            except zmq.Again:
+                return None
 
     def close(self) -> None:
         """Stop watching; before the watched socket is closed."""
-        if not self._socket.closed:
-            self._watched.disable_monitor()
-            self._socket.close()
+        with self._lock:
+            if not self._socket.closed:
+                self._watched.disable_monitor()
+                self._socket.close()

@@ -32,7 +32,7 @@ class Publisher:
     """
 
     def __init__(self, socket: Socket, port: OutputPort[Any], clock_name: str = "wall") -> None:
-        self._socket, self._port = socket, port
+        self._socket, self._port, self.clock_name = socket, port, clock_name
         self.fd = int(socket.getsockopt(zmq.FD))
         self.topic = port.full_name.encode() + b"\0"
         schema = port.schema
@@ -56,7 +56,11 @@ class Publisher:
     def add(self, outlet: Publisher) -> None:
         """Send through one more socket: for a reliable reader, or for other hosts."""
         outlet.rejected = self.rejected
-        self._outlets.append(outlet)
+        self._outlets = [*self._outlets, outlet]
+
+    def remove(self, outlet: Publisher) -> None:
+        """Send no more through that socket."""
+        self._outlets = [other for other in self._outlets if other is not outlet]
 
     def publish(self, sample: Any, time: int, seq: int) -> bool:
         """Send to whoever is there; nothing is packed for nobody. False if a reliable reader has no room."""
@@ -94,6 +98,9 @@ class Publisher:
                 self.sent_bytes += len(frame) if index < 2 else frame.nbytes
         except zmq.Again:  # on the first frame only: libzmq counts whole messages
             return False
+        except zmq.ZMQError:
+            if not self._socket.closed:  # its reader has just left
+                raise
         return True
 
     def _take_subscriptions(self) -> None:

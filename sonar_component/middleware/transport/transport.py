@@ -40,6 +40,7 @@ class Transport:
         self.publishers: dict[str, Publisher] = {}
         self.subscribers: list[Subscriber] = []
         self.monitors: list[Monitor] = []
+        self._watching: dict[Subscriber, Monitor] = {}
         self.loop.start()
 
     def bind(self, port: OutputPort[Any], endpoints: list[str], clock_name: str = "wall") -> Publisher:
@@ -60,8 +61,15 @@ class Transport:
         """
         socket = reliable_socket(self.context, 1)  # what waits, waits at the reader
         bind(socket, endpoint)
-        outlet = Publisher(socket, port)
+        outlet = Publisher(socket, port, self.publishers[port.full_name].clock_name)
         self._add_outlet(port, outlet, endpoint)
+
+    def release(self, port: str, endpoint: str) -> None:
+        """Close what `bind_reliable` opened; in the loop's thread."""
+        outlet = self.publishers.pop(endpoint)
+        self.publishers[port].remove(outlet)
+        self.loop.remove(outlet)
+        outlet.close()
 
     def bind_remote(self, port: OutputPort[Any], endpoint: str, clock_name: str, guard: Guard | None) -> None:
         """Offer a bound port to other hosts: with a socket of its own, since CURVE holds for a whole socket."""
@@ -118,12 +126,23 @@ class Transport:
             if subscriber.disconnected():  # the first sign of it; libzmq's own try may come first
                 self.loop.after(_AGAIN, lambda: subscriber.connect(endpoint))
 
-        self._watch(Monitor(socket, zmq.EVENT_DISCONNECTED, again))
+        self._watching[subscriber] = self._watch(Monitor(socket, zmq.EVENT_DISCONNECTED, again))
         return subscriber
 
-    def _watch(self, monitor: Monitor) -> None:
+    def disconnect(self, subscriber: Subscriber) -> None:
+        """Read no more from an address; in the loop's thread."""
+        monitor = self._watching.pop(subscriber)
+        self.monitors.remove(monitor)
+        self.subscribers.remove(subscriber)
+        self.loop.remove(monitor)
+        monitor.close()
+        self.loop.remove(subscriber)
+        subscriber.close()
+
+    def _watch(self, monitor: Monitor) -> Monitor:
         self.monitors.append(monitor)
         self.loop.add(monitor)
+        return monitor
 
     def close(self) -> None:
         """Close everything; what is on its way has `LINGER_MS` to leave."""
