@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.gl import load_program, set_uniforms
+from sonar_component.render.draws import everything
 from sonar_component.render.geometry import Geometry
 from sonar_component.render.packing import instance_format
 from sonar_component.render.water import Water as Water
@@ -96,13 +97,12 @@ class Camera:
         self._context.disable(moderngl.DEPTH_TEST)
         self._backdrop.render(moderngl.TRIANGLES, vertices=3)
         if not self._geometry.empty:
-            self._geometry.place(X_WC)
             # All tiles: a picture now and then does not pay for culling.
-            everything = np.ones((1, len(self._geometry.tile_radius)), np.bool_)
-            commands, count, _ = self._geometry.select(everything, np.eye(4)[None])
+            draws = everything(self._geometry.packed)
+            commands = self._geometry.send(draws, self._geometry.place(X_WC), np.eye(4)[None])
             self._context.enable_only(moderngl.DEPTH_TEST)
             set_uniforms(self._scene, X_DC=self._projection())
-            self._bound().render_indirect(commands, count=count)
+            self._bound().render_indirect(commands, count=len(draws.tiles))
         pixels = np.frombuffer(target.read(components=3, dtype="f4"), np.float32)
         return pixels.reshape(self.view.height, self.view.width, 3)[::-1]
 

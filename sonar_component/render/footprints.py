@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.gl import Target, load_program, set_uniforms
-from sonar_component.render import tiles
+from sonar_component.render.draws import Sight, choose
 from sonar_component.render.geometry import Geometry
 from sonar_component.render.layout import Layout, View
 from sonar_component.render.packing import instance_format
@@ -26,6 +26,7 @@ _OF_PICTURES = {"TEXTURED", *_PICTURES}
 _COLUMN_OF = {
     "band": "WIDE_FAN", "id": "TRUTH", "normal_layer": "NORMAL_MAP", "reflectance_layer": "REFLECTANCE_MAP",
 }  # fmt: skip
+_CULLED = (True, False, True, False)  # the groups of render/draws.py
 _SHADERS = "sonar_component.render.shaders"
 
 
@@ -82,29 +83,32 @@ class FootprintRenderer:
         if self.geometry.empty:
             return target
         view = layout.views[0]
-        seen = tiles.seen(
-            self.geometry.place(X_WS),
-            self.geometry.tile_radius,
-            layout.azimuths,
-            view.half_width,
-            view.y_step * view.rows / 2,
-            _DRAWN_BEYOND * optics.range_max,
-        )
+        near, far = near_plane(optics), _DRAWN_BEYOND * optics.range_max
+        sight = Sight(layout.azimuths, view.half_width, view.y_step * view.rows / 2, near, far)
+        X_SM = self.geometry.place(X_WS)
+        draws = choose(self.geometry.packed, X_SM, sight)
         X_DS, bands = self._projection(layout, optics)
         defines = self.features(optics, len(layout.views))
         wide = "WIDE_FAN" in defines
-        commands, count, pictured = self.geometry.select(seen, X_DS, bands if wide else None)
-        self._context.enable_only(moderngl.DEPTH_TEST)
+        commands = self.geometry.send(draws, X_SM, X_DS, bands if wide else None)
+        # A part without pictures is drawn without their code: on llvmpipe a branch around it costs as much as the code.
+        plain = {name: value for name, value in defines.items() if name not in _OF_PICTURES}
+        first = 0
+        for count, features, culled in zip(
+            draws.counts.tolist(), (defines, defines, plain, plain), _CULLED, strict=True
+        ):
+            if count:
+                self._enable(wide, culled)
+                self._prepare_program(layout, optics, features).render_indirect(commands, count=count, first=first)
+            first += count
+        return target
+
+    def _enable(self, wide: bool, culled: bool) -> None:
+        self._context.enable_only(moderngl.DEPTH_TEST | (moderngl.CULL_FACE if culled else 0))
+        self._context.front_face = "cw"  # the target's axes are those of a mirror: elevation to the right
         switch = self._context.enable_direct if wide else self._context.disable_direct
         switch(_CLIP_DISTANCE_0)
         switch(_CLIP_DISTANCE_0 + 1)
-        # A part without pictures is drawn without their code: on llvmpipe a branch around it costs as much as the code.
-        plain = {name: value for name, value in defines.items() if name not in _OF_PICTURES}
-        for first, end, features in ((0, pictured, defines), (pictured, count, plain)):
-            if end > first:
-                array = self._prepare_program(layout, optics, features)
-                array.render_indirect(commands, count=end - first, first=first)
-        return target
 
     @property
     def programs(self) -> list[tuple[str, ...]]:

@@ -6,8 +6,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from sonar_component.render.draws import Draws, fill
 from sonar_component.render.loaded import Loaded, give_back, load
-from sonar_component.render.packing import COMMAND, pack, with_bands
+from sonar_component.render.packing import COMMAND, Packed, pack, with_band
 from sonar_component.scene.world import World
 
 Array = NDArray[np.float64]
@@ -32,11 +33,9 @@ class Geometry:
         self._world: World | None = None
         self._version = -1
         self._packed = pack(World())
-        self._instances = self._packed.instances  # with the columns that are drawn with
+        self._rows = self._packed.instances  # of the draws, as they go to the GPU
         self._reflectance_max = 1.0
-        self._pictured = self._packed.has_pictures()
         self._wide = False
-        self._X_SM = np.zeros((0, 4, 4))
         self.generation = 0
         self.loaded: Loaded | None = None
         self.instances: moderngl.Buffer | None = None
@@ -65,7 +64,8 @@ class Geometry:
     @property
     def columns(self) -> np.dtype[np.void]:
         """Of the instances: see ``packing.instance_format``."""
-        return self._instances.dtype
+        columns = self._packed.instances.dtype
+        return with_band(columns) if self._wide else columns
 
     @property
     def reflectance_max(self) -> float:
@@ -73,9 +73,9 @@ class Geometry:
         return self._reflectance_max
 
     @property
-    def tile_radius(self) -> Array:
-        """(tiles,) float64: radii of the tiles' spheres [m]."""
-        return self._packed.tile_radius
+    def packed(self) -> Packed:
+        """Tiles of the world."""
+        return self._packed
 
     def update(self, world: World) -> None:
         """Load the world again if its geometry changed."""
@@ -89,73 +89,44 @@ class Geometry:
             self.loaded = loaded
             self._packed = loaded.packed if loaded is not None else pack(World())
             self._reflectance_max = float(self._packed.instances["reflectance"].max(initial=0.0)) or 1.0
-            self._pictured = self._packed.has_pictures()
             self._choose_columns(self._wide)
         self._world, self._version = world, world.geometry_version
 
     def place(self, X_WS: Array) -> Array:
-        """Bring all parts into the sonar's frame.
-
-        Parameters
-        ----------
-        X_WS : (4, 4) float64
-            Pose of the sonar in the world [m].
-
-        Returns
-        -------
-        (tiles, 3) float64
-            Centres of the tiles in the sonar's frame [m].
-        """
+        """Poses of all parts in the frame of a sonar at X_WS (4, 4) [m], as (parts, 4, 4) float64."""
         assert self._world is not None
         p = self._packed
         X_WB = np.array([body.X_WB for body in self._world.bodies.values()]).reshape(-1, 4, 4)
-        self._X_SM = _relative(X_WS, X_WB[p.part_body] @ p.X_BM)[p.tile_part]
-        R, t = self._X_SM[:, :3, :3], self._X_SM[:, :3, 3]
-        return np.asarray((R @ p.tile_centre[:, :, None])[:, :, 0] + t)
+        return _relative(X_WS, X_WB[p.part_body] @ p.X_BM)
 
-    def select(
-        self, seen: NDArray[np.bool_], X_DS: Array, bands: NDArray[np.float32] | None = None
-    ) -> tuple[moderngl.Buffer, int, int]:
-        """Send the draws of the tiles that each view sees.
+    def send(self, draws: Draws, X_SM: Array, X_DS: Array, bands: NDArray[np.float32] | None = None) -> moderngl.Buffer:
+        """Send draws to the GPU; returns their indirect commands.
 
         Parameters
         ----------
-        seen : (views, tiles) bool
+        X_SM : (parts, 4, 4) float64
+            As ``place`` gives it [m].
         X_DS : (views, 4, 4) float64
             Sonar frame to clip space of each view.
         bands : (views, 2) float32, optional
             First column and number of columns of each view, where they share a target.
-
-        Returns
-        -------
-        Buffer of indirect commands, their number, and how many of them, the first ones, are of parts with pictures.
         """
         if self._wide != (bands is not None):
             self._choose_columns(bands is not None)
-        views, chosen = np.nonzero(seen)
-        with_pictures = 0
-        if self.textured:
-            order = np.argsort(~self._pictured[chosen], kind="stable")
-            views, chosen = views[order], chosen[order]
-            with_pictures = int(np.count_nonzero(self._pictured[chosen]))
-        X_SM = self._X_SM[chosen]
-        instances = self._instances[chosen]
-        instances["X_SM"], instances["X_DM"] = X_SM[:, :3], X_DS[views] @ X_SM
-        if bands is not None:
-            instances["band"] = bands[views]
-        commands = self._packed.commands[chosen]
-        commands["base_instance"] = np.arange(len(chosen))
-        if self._commands is None or self._commands.size < commands.nbytes:
-            self._reserve(_SPARE * max(len(chosen), len(self._packed.commands)))
+        count = len(draws.tiles)
+        if self._commands is None or self._commands.size < count * COMMAND.itemsize:
+            self._reserve(_SPARE * max(count, len(self._packed.commands)))
         assert self._commands is not None
         assert self.instances is not None
-        self.instances.write(instances)
+        if bands is None:
+            bands = np.zeros((len(X_DS), 0), np.float32)
+        commands = fill(self._packed, draws, X_SM, X_DS, bands, self._rows)
+        self.instances.write(self._rows[:count])
         self._commands.write(commands)
-        return self._commands, len(chosen), with_pictures
+        return self._commands
 
     def _choose_columns(self, wide: bool) -> None:
         self._wide = wide
-        self._instances = with_bands(self._packed.instances) if wide else self._packed.instances
         if self.loaded is not None:
             self._reserve(_SPARE * len(self._packed.commands))
 
@@ -163,6 +134,7 @@ class Geometry:
         for buffer in (self._commands, self.instances):
             if buffer is not None:
                 buffer.release()
+        self._rows = np.zeros(draws, self.columns)
         self._commands = self._context.buffer(reserve=draws * COMMAND.itemsize, dynamic=True)
         self.instances = self._context.buffer(reserve=draws * self.columns.itemsize, dynamic=True)
         self.generation += 1

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_component.render import tiles
+from sonar_component.render import closed, tiles
 from sonar_component.scene.body import Part
 from sonar_component.scene.mesh import Mesh
 from sonar_component.scene.world import World
@@ -49,6 +49,12 @@ class Packed:
         Index of each tile's part.
     tile_centre, tile_radius : (tiles, 3), (tiles,) float64
         Bounding spheres in M [m].
+    tile_hull : (tiles, 2, 3) float64
+        Least and greatest corner in M of the closed shells that a tile's faces belong to [m]; NaN where they are open.
+    tile_axis, tile_spread : (tiles, 3), (tiles,) float64
+        Mean direction in M of the faces' outward normals, and the greatest angle from it [rad].
+    pictured : (tiles,) bool
+        Which belong to a part with a normal map or a reflectance map.
     instances : (tiles,) of ``instance_type``, without poses
     commands : (tiles,) COMMAND, without base_instance
     """
@@ -62,6 +68,10 @@ class Packed:
     tile_part: NDArray[np.intp]
     tile_centre: Array
     tile_radius: Array
+    tile_hull: Array
+    tile_axis: Array
+    tile_spread: Array
+    pictured: NDArray[np.bool_]
     instances: NDArray[np.void]
     commands: NDArray[np.void]
 
@@ -75,11 +85,6 @@ class Packed:
         """Whether any part has one."""
         return "reflectance_layer" in (self.instances.dtype.names or ())
 
-    def has_pictures(self) -> NDArray[np.bool_]:
-        """(tiles,): which belong to a part with a normal map or a reflectance map."""
-        layers = [self.instances[n] for n in self.instances.dtype.names or () if n.endswith("_layer")]
-        return np.asarray(sum(layers, np.zeros(len(self.instances), np.uint32)) > 0)
-
     def without_bulk(self) -> Packed:
         """What a renderer still needs once vertices, corners and pictures are in its own memory."""
         vertices, indices = self.vertices[:0].copy(), self.indices[:0].copy()
@@ -92,6 +97,9 @@ class _MeshTiles:
     commands: NDArray[np.void]
     centres: Array
     radii: Array
+    hulls: Array
+    axes: Array
+    spreads: Array
 
 
 def pack(world: World) -> Packed:
@@ -115,7 +123,9 @@ def pack(world: World) -> Packed:
         instances.append(instance)
         commands.append(tiled.commands)
         tile_part += [number] * len(tiled.commands)
-    spheres = [of_mesh[id(part.mesh)] for _, part in parts]
+    tiled_parts = [of_mesh[id(part.mesh)] for _, part in parts]
+    pictured = [normal or reflectance for normal, reflectance in zip(normal_layers, reflectance_layers, strict=True)]
+    of_tile = np.array(tile_part, np.intp)
     return Packed(
         vertices=_vertices(meshes, bool(normal_maps or reflectance_maps)),
         indices=_joined(indices, np.uint32, ()),
@@ -123,9 +133,13 @@ def pack(world: World) -> Packed:
         reflectance_maps=reflectance_maps,
         part_body=np.array([body for body, _ in parts], np.intp),
         X_BM=np.array([part.X_BM for _, part in parts], np.float64).reshape(-1, 4, 4),
-        tile_part=np.array(tile_part, np.intp),
-        tile_centre=_joined([s.centres for s in spheres], np.float64, (3,)),
-        tile_radius=_joined([s.radii for s in spheres], np.float64, ()),
+        tile_part=of_tile,
+        tile_centre=_joined([t.centres for t in tiled_parts], np.float64, (3,)),
+        tile_radius=_joined([t.radii for t in tiled_parts], np.float64, ()),
+        tile_hull=_joined([t.hulls for t in tiled_parts], np.float64, (2, 3)),
+        tile_axis=_joined([t.axes for t in tiled_parts], np.float64, (3,)),
+        tile_spread=_joined([t.spreads for t in tiled_parts], np.float64, ()),
+        pictured=np.array(pictured, np.bool_)[of_tile],
         instances=_joined(instances, columns, ()),
         commands=_joined(commands, COMMAND, ()),
     )
@@ -136,12 +150,9 @@ def instance_type(normal_maps: bool = False, reflectance_maps: bool = False) -> 
     return np.dtype([*_ALWAYS, *[_NORMAL_LAYER] * normal_maps, *[_REFLECTANCE_LAYER] * reflectance_maps])
 
 
-def with_bands(instances: NDArray[np.void]) -> NDArray[np.void]:
-    """The same instances with a column for the views of a wide fan."""
-    wider = np.zeros(len(instances), np.dtype([*instances.dtype.descr, _BAND]))
-    for name in instances.dtype.names or ():
-        wider[name] = instances[name]
-    return wider
+def with_band(columns: np.dtype[np.void]) -> np.dtype[np.void]:
+    """The same columns and one for the views of a wide fan."""
+    return np.dtype([*columns.descr, _BAND])
 
 
 def instance_format(columns: np.dtype[np.void], wanted: Collection[str]) -> tuple[str, list[str]]:
@@ -177,16 +188,32 @@ def _pack_meshes(meshes: list[Mesh], indices: list[NDArray[np.int32]]) -> dict[i
     first_index = base_vertex = 0
     packed = {}
     for mesh in meshes:
-        pieces = [mesh.faces[chosen].ravel() for chosen in tiles.split(mesh.vertices, mesh.faces)]
-        spheres = [tiles.bounding_sphere(mesh.vertices[piece]) for piece in pieces]
-        commands = np.zeros(len(pieces), COMMAND)
-        commands["count"], commands["instances"] = [piece.size for piece in pieces], 1
+        shells = closed.find_shells(mesh.vertices, mesh.faces)
+        # A tile is of closed shells or of open surfaces: the ones are drawn from one side, the others from both.
+        chosen = [
+            group[piece].astype(np.int32)
+            for group in (np.flatnonzero(shells.number >= 0), np.flatnonzero(shells.number < 0))
+            for piece in tiles.split(mesh.vertices, shells.faces[group])
+        ]
+        faces = [shells.faces[piece] for piece in chosen]
+        spheres = [tiles.bounding_sphere(mesh.vertices[piece.ravel()]) for piece in faces]
+        hulls = [shells.hull(piece) if shells.number[piece[0]] >= 0 else np.full((2, 3), np.nan) for piece in chosen]
+        cones = [closed.cone(mesh.vertices, piece) for piece in faces]
+        commands = np.zeros(len(faces), COMMAND)
+        commands["count"], commands["instances"] = [piece.size for piece in faces], 1
         commands["first_index"] = first_index + np.cumsum(commands["count"]) - commands["count"]
         commands["base_vertex"] = base_vertex
-        centres = np.array([centre for centre, _ in spheres]).reshape(-1, 3)
-        packed[id(mesh)] = _MeshTiles(base_vertex, commands, centres, np.array([radius for _, radius in spheres]))
-        indices += pieces
-        first_index += sum(piece.size for piece in pieces)
+        packed[id(mesh)] = _MeshTiles(
+            base_vertex,
+            commands,
+            np.array([centre for centre, _ in spheres]).reshape(-1, 3),
+            np.array([radius for _, radius in spheres]),
+            np.array(hulls).reshape(-1, 2, 3),
+            np.array([axis for axis, _ in cones]).reshape(-1, 3),
+            np.array([spread for _, spread in cones]),
+        )
+        indices += [piece.ravel() for piece in faces]
+        first_index += sum(piece.size for piece in faces)
         base_vertex += len(mesh.vertices)
     return packed
 

@@ -1,4 +1,4 @@
-"""Meshes cut into tiles of neighbouring triangles, and which of them a view can see.
+"""Meshes cut into tiles of neighbouring triangles.
 
 What is out of sight must not cost: a tile outside the sector or beyond the range is not drawn. Tiles are small enough
 to follow the edge of a sector and large enough that one draw each is cheap.
@@ -65,39 +65,3 @@ def bounding_sphere(points: Array) -> tuple[Array, float]:
     """Centre (3,) and radius [m] of a sphere around points (n, 3): that of their box, a few per cent too large."""
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     return centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).max()))
-
-
-def seen(
-    centres_S: Array, radii: Array, azimuths: Array, half_width: float, tangent_up: float, range_max: float
-) -> NDArray[np.bool_]:
-    """Which spheres may touch which views: within range, between a view's four planes, not behind it.
-
-    Parameters
-    ----------
-    centres_S : (n, 3) float64
-        In the sonar's frame [m].
-    radii : (n,) float64 [m]
-    azimuths : (views,) float64
-        Of the views' axes [rad].
-    half_width : float
-        Of every view [rad].
-    tangent_up : float
-        Tangent of their upper (and lower) edge at depth 1.
-
-    Returns
-    -------
-    (views, n) bool
-    """
-    x, y, z = centres_S.T
-    c, s = np.cos(azimuths)[:, None], np.sin(azimuths)[:, None]
-    depth = c * x + s * y
-    side = np.abs(c * y - s * x)
-    up = np.arctan(tangent_up)
-    near = x * x + y * y + z * z < (range_max + radii) ** 2
-    inside: NDArray[np.bool_] = (
-        near
-        & (depth > -radii)
-        & (depth * np.sin(half_width) - side * np.cos(half_width) > -radii)
-        & (depth * np.sin(up) - np.abs(z) * np.cos(up) > -radii)
-    )
-    return inside
