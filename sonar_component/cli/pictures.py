@@ -139,9 +139,10 @@ def view(
 ) -> None:
     """Open the page of the running viewer."""
     from sonar_component.middleware.client import connect_task
+    from sonar_component.middleware.reach import Reach
     from sonar_component.middleware.survey import survey
 
-    tasks = survey(instance)
+    tasks = survey(Reach(instance))
     viewers = [task for task in tasks if task["type"] == "ViewerTask"]
     if not viewers:
         runs = "no viewer runs" if tasks else "nothing runs"

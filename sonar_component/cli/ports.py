@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import time
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -15,7 +16,10 @@ from sonar_component.cli.run import print_json
 PORT = typer.Argument(..., metavar="TASK.PORT", help="Output port of a running task.")
 JSON = typer.Option(False, "--json", help="Print JSON.")
 INSTANCE = typer.Option(None, help="Which instance, where several run.")
+DEPLOYMENT = typer.Option(None, metavar="FILE", help="Reach tasks of this deployment's other hosts.")
+KEY = typer.Option(None, metavar="NAME", help="Which of our pairs of keys to show to another host.")
 TIMEOUT = typer.Option(5.0, min=0.0, help="Seconds to wait for the first sample.")
+Where = tuple[str | None, Path | None, str | None]  # instance, deployment, key
 
 
 def register(app: typer.Typer) -> None:
@@ -27,11 +31,17 @@ def register(app: typer.Typer) -> None:
     app.command("delay")(delay)
 
 
-def list_tasks(as_json: bool = JSON, instance: str | None = INSTANCE) -> None:
+def list_tasks(
+    as_json: bool = JSON,
+    instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
+) -> None:
     """List running tasks, their states and ports."""
+    from sonar_component.middleware.reach import Reach
     from sonar_component.middleware.survey import survey
 
-    tasks = survey(instance)
+    tasks = survey(Reach(instance, deployment, key))
     ports = [port["port"] for task in tasks for port in task["outputs"]]
     if as_json:
         print_json({"tasks": tasks, "ports": ports})
@@ -40,7 +50,8 @@ def list_tasks(as_json: bool = JSON, instance: str | None = INSTANCE) -> None:
         print("nothing is running; start a deployment with: sonar run FILE")
     for task in tasks:
         reason = f": {task['reason']}" if task["reason"] else ""
-        where = f"process {task['process']}, pid {task['pid']}, instance {task['instance']}"
+        host = f"host {task['host']}, " if task["host"] else ""
+        where = f"{host}process {task['process']}, pid {task['pid']}, instance {task['instance']}"
         print(f"{task['task']} ({task['type']}) {task['state']}{reason}  [{where}]")
         for port in task["outputs"]:
             print(f"  > {port['port']}  {port['type']}")
@@ -55,12 +66,14 @@ def echo(
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Print samples; of an array its size and statistics, never a million numbers."""
     from sonar_component.middleware.client import connect
     from sonar_component.middleware.summary import as_text, summary
 
-    with connect(port, timeout=timeout, instance=instance) as reader:
+    with connect(port, timeout=timeout, instance=instance, deployment=deployment, keys=key) as reader:
         number = 0
         while count is None or number < count:
             sample = _read(reader, timeout)
@@ -80,9 +93,11 @@ def hz(
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Measure the rate of a port from the headers of its samples."""
-    times, _, account = _headers(port, seconds, timeout, instance)
+    times, _, account = _headers(port, seconds, timeout, (instance, deployment, key))
     intervals = [later - earlier for earlier, later in itertools.pairwise(times)]
     rate = len(intervals) / (times[-1] - times[0]) if intervals else 0.0
     result = {
@@ -106,9 +121,11 @@ def bw(
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Measure the bandwidth of a port."""
-    times, sizes, account = _headers(port, seconds, timeout, instance, _size)
+    times, sizes, account = _headers(port, seconds, timeout, (instance, deployment, key), _size)
     elapsed = times[-1] - times[0]
     rate = sum(sizes[1:]) / elapsed if elapsed else 0.0
     mean = sum(sizes) / len(sizes)
@@ -125,9 +142,11 @@ def delay(
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Measure how old samples are on arrival: since they were written, and since their data was true."""
-    _, pairs, _ = _headers(port, seconds, timeout, instance, _ages)
+    _, pairs, _ = _headers(port, seconds, timeout, (instance, deployment, key), _ages)
     written = sorted(since_written for since_written, _ in pairs)
     ages = sorted(age for _, age in pairs if age is not None)
     transport, age = _spread(written), _spread(ages) if ages else None
@@ -160,7 +179,7 @@ def _spread_words(spread: dict[str, float]) -> str:
 
 
 def _headers(
-    port: str, seconds: float, timeout: float, instance: str | None, look: Any = lambda header, buffers: None
+    port: str, seconds: float, timeout: float, where: Where, look: Any = lambda header, buffers: None
 ) -> tuple[list[float], list[Any], Any]:
     """Arrival times [s] and what `look` makes of each header, of what comes within `seconds` of the first sample.
 
@@ -168,14 +187,11 @@ def _headers(
     """
     from sonar_component.middleware.client import connect
 
+    instance, deployment, key = where
     with connect(
-        port,
-        policy="circular_buffer",
-        size=10_000,
-        timeout=timeout,
-        instance=instance,
-        decoder=look,
-    ) as reader:
+        port, policy="circular_buffer", size=10_000, timeout=timeout, decoder=look,
+        instance=instance, deployment=deployment, keys=key,
+    ) as reader:  # fmt: skip
         first = _receive(reader, timeout)
         times, headers = [first.arrived], [first.sample]
         end = time.monotonic() + seconds

@@ -8,12 +8,12 @@ from typing import Any
 
 import typer
 
+from sonar_component.cli.ports import DEPLOYMENT, INSTANCE, KEY, Where
 from sonar_component.cli.run import parse_value, print_json
 
 TASK = typer.Argument(..., metavar="TASK", help="A running task.")
 PROPERTY = typer.Argument(..., metavar="TASK[.PROPERTY]", help="A property of a running task, or all of them.")
 JSON = typer.Option(False, "--json", help="Print JSON.")
-INSTANCE = typer.Option(None, help="Which instance, where several run.")
 TIMEOUT = typer.Option(2.0, min=0.0, help="Seconds to wait for the answer.")
 
 
@@ -24,9 +24,16 @@ def register(app: typer.Typer) -> None:
     app.command("set")(set_property)
 
 
-def inspect(task: str = TASK, as_json: bool = JSON, timeout: float = TIMEOUT, instance: str | None = INSTANCE) -> None:
+def inspect(
+    task: str = TASK,
+    as_json: bool = JSON,
+    timeout: float = TIMEOUT,
+    instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
+) -> None:
     """Show all of a task: state, properties, operations, ports, and what became of every sample."""
-    with _connect(task, timeout, instance) as proxy:
+    with _connect(task, timeout, (instance, deployment, key)) as proxy:
         found = {**proxy.record, **_answer(proxy.describe)}
     for name, port in found["outputs"].items():
         port["endpoint"] = found["ports"][name]["endpoint"]
@@ -51,14 +58,21 @@ def inspect(task: str = TASK, as_json: bool = JSON, timeout: float = TIMEOUT, in
                 print(f"            refused {count} times: {reason}")
 
 
-def get(name: str = PROPERTY, as_json: bool = JSON, timeout: float = TIMEOUT, instance: str | None = INSTANCE) -> None:
+def get(
+    name: str = PROPERTY,
+    as_json: bool = JSON,
+    timeout: float = TIMEOUT,
+    instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
+) -> None:
     """Print a property, or all properties of a task."""
-    task, _, key = name.partition(".")
-    with _connect(task, timeout, instance) as proxy:
-        value = _answer(proxy.get, key or None)
+    task, _, chosen = name.partition(".")
+    with _connect(task, timeout, (instance, deployment, key)) as proxy:
+        value = _answer(proxy.get, chosen or None)
     if as_json:
         print_json(value)
-    elif key:
+    elif chosen:
         print(value)
     else:
         for item, entry in value.items():
@@ -70,11 +84,13 @@ def set_property(
     value: str = typer.Argument(..., help='As in YAML: 30 m, 0.5, true, "text".'),
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Set a property of a running task; a refusal says why and changes nothing."""
-    task, _, key = name.partition(".")
-    with _connect(task, timeout, instance) as proxy:
-        _answer(proxy.set, key, parse_value(value))
+    task, _, chosen = name.partition(".")
+    with _connect(task, timeout, (instance, deployment, key)) as proxy:
+        _answer(proxy.set, chosen, parse_value(value))
 
 
 def call(
@@ -83,19 +99,21 @@ def call(
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Call an operation of a running task."""
     from sonar_component.settings.errors import SettingsError
 
-    task, _, key = operation.partition(".")
+    task, _, chosen = operation.partition(".")
     given = {}
     for text in arguments or []:
         name, equals, value = text.partition("=")
         if not equals:
             raise SettingsError(f"arguments must be NAME=VALUE, got {text!r}")
         given[name] = parse_value(value)
-    with _connect(task, timeout, instance) as proxy:
-        result = _answer(proxy.call, key, **given)
+    with _connect(task, timeout, (instance, deployment, key)) as proxy:
+        result = _answer(proxy.call, chosen, **given)
     if as_json:
         print_json(result)
     elif result is not None:
@@ -108,9 +126,11 @@ def state(
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Print a task's state, or order it into another."""
-    with _connect(task, timeout, instance) as proxy:
+    with _connect(task, timeout, (instance, deployment, key)) as proxy:
         found = _answer(proxy.command, command) if command else _answer(proxy.state)
     if as_json:
         print_json(found)
@@ -126,6 +146,8 @@ def graph(
     seconds: float = typer.Option(1.0, min=0.1, help="How long to measure rates."),
     as_json: bool = JSON,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Show tasks and connections: of a file, or of what runs, with rates and losses on the edges."""
     from sonar_component.middleware import graph as graphs
@@ -137,11 +159,13 @@ def graph(
         plan = check_deployment(find_file(file))
         found, title = graphs.of_plan(plan), plan.name
     else:
+        from sonar_component.middleware.reach import Reach
         from sonar_component.middleware.survey import survey
 
-        before, began = survey(instance, "describe"), time.monotonic()
+        reach = Reach(instance, deployment, key)
+        before, began = survey(reach, "describe"), time.monotonic()
         time.sleep(seconds)
-        after = survey(instance, "describe")
+        after = survey(reach, "describe")
         found, title = graphs.of_running(before, after, time.monotonic() - began), time.strftime("%H:%M:%S")
     if out is not None:
         out.write_text(graphs.as_svg(found, title), encoding="utf-8")
@@ -156,11 +180,14 @@ def top(
     seconds: float = typer.Option(1.0, min=0.1, help="Between two looks."),
     as_json: bool = JSON,
     instance: str | None = INSTANCE,
+    deployment: Path | None = DEPLOYMENT,
+    key: str | None = KEY,
 ) -> None:
     """Show what each task costs: cycles, overruns, processor, memory, losses."""
     from sonar_component.middleware.load import Load
+    from sonar_component.middleware.reach import Reach
 
-    load = Load(instance)
+    load = Load(Reach(instance, deployment, key))
     while True:
         time.sleep(seconds)
         rows = load.look()
@@ -191,10 +218,11 @@ def _state_words(found: dict[str, Any]) -> str:
     return f"{found['state']}{substate}" + (f": {found['reason']}" if found["reason"] else "")
 
 
-def _connect(task: str, timeout: float, instance: str | None) -> Any:
+def _connect(task: str, timeout: float, where: Where) -> Any:
     from sonar_component.middleware.client import connect_task
 
-    return connect_task(task, timeout=timeout, instance=instance)
+    instance, deployment, key = where
+    return connect_task(task, timeout=timeout, instance=instance, deployment=deployment, keys=key)
 
 
 def _answer(ask: Any, *arguments: Any, **named: Any) -> Any:

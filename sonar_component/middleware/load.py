@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from sonar_component.middleware.reach import Reach
 from sonar_component.middleware.survey import survey
 
 _TICK = os.sysconf("SC_CLK_TCK")  # [1/s]
@@ -14,16 +15,16 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")  # [bytes]
 
 
 class Load:
-    """Remembers the last look; tasks that share a process show its processor and memory each."""
+    """Remembers the last look; tasks that share a process show its processor and memory each, other hosts' show 0."""
 
-    def __init__(self, instance: str | None = None) -> None:
-        self._instance = instance
+    def __init__(self, reach: Reach | None = None) -> None:
+        self._reach = reach or Reach()
         self._before = self._survey()
 
     def _survey(self) -> dict[tuple[str, str], tuple[float, float, dict[str, Any]]]:
         now = time.monotonic()
-        tasks = survey(self._instance, "describe")
-        return {(task["instance"], task["task"]): (now, processor_time(task["pid"]), task) for task in tasks}
+        tasks = survey(self._reach, "describe")
+        return {(task["instance"], task["task"]): (now, _used(task), task) for task in tasks}
 
     def look(self) -> list[dict[str, Any]]:
         """One row for each task."""
@@ -42,6 +43,7 @@ def _row(before: tuple[float, float, dict[str, Any]], after: tuple[float, float,
     connections = [connection for port in inputs for connection in port["connections"]]
     return {
         "instance": task["instance"],
+        "host": task["host"],
         "task": task["task"],
         "state": task["state"],
         "reason": task["reason"],
@@ -49,9 +51,14 @@ def _row(before: tuple[float, float, dict[str, Any]], after: tuple[float, float,
         "overruns": counters.get("overruns", 0),
         "longest_ms": counters.get("longest", 0.0) * 1e3,
         "cpu": 100 * (using - used) / elapsed,
-        "memory_mb": resident(task["pid"]) / 1e6,
+        "memory_mb": 0.0 if task["host"] else resident(task["pid"]) / 1e6,
         "lost": sum(connection["lost"] + connection["dropped"] for connection in connections),
     }
+
+
+def _used(task: dict[str, Any]) -> float:
+    """Processor time [s]; 0 for a task of another host, whose /proc is not ours."""
+    return 0.0 if task["host"] else processor_time(task["pid"])
 
 
 def processor_time(pid: int) -> float:

@@ -59,7 +59,10 @@ def test_a_reliable_client_that_is_slow_loses_nothing_unnoticed(graph: Any) -> N
     )
     graph.wait_until_said("pose: RUNNING")
     with connect("pose.sonar_samples", Sonar, policy="reliable", size=2) as port:
-        values = [float(port.read().bins[0, 0]) for _ in range(10) if time.sleep(0.1) is None]
+        values = []
+        for _ in range(10):
+            time.sleep(0.1)
+            values.append(float(port.read().bins[0, 0]))
         with connect_task("pose") as task:
             failures = task.describe()["outputs"]["sonar_samples"]["failures"]
         # 50 Hz into 10 Hz: four of five find no room, the writer knows of each, and the rest comes in order.
@@ -177,7 +180,7 @@ def test_a_writer_is_heard_again_after_the_task_was_killed(open_graph: Any) -> N
 def test_a_reliable_writer_is_told_that_there_is_no_room(open_graph: Any) -> None:
     with connect_task("recorder") as task, connect("recorder.poses", write=True, policy={"reliable": 2}) as port:
         task.command("stop")  # nobody reads now
-        statuses = []
+        statuses: list[WriteStatus] = []
         while len(statuses) < 500 and WriteStatus.FAILURE not in statuses:
             statuses.append(port.write(pose(len(statuses))))
             time.sleep(0.001)
