@@ -9,9 +9,10 @@ Read in rtt/base/TaskCore.cpp; state names as orocos.rb prints them.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 
 class State(Enum):
@@ -85,12 +86,14 @@ class LifeCycle:
     ----------
     state, target : equal except while a hook runs.
     substate, reason : a name the task gave to what it is doing, and why, in words.
+    hook : the one that runs now, and since when [s, monotonic].
     """
 
     def __init__(self, hooks: Hooks, on_change: Callable[[LifeCycle], None]) -> None:
         self._hooks, self._on_change = hooks, on_change
         self.state = self.target = State.PRE_OPERATIONAL
         self.substate, self.reason = "", ""
+        self.hook: tuple[str, float] | None = None
         self._refusal = ""
         self._error_in_start = ("", "")  # reason and sub-state
 
@@ -127,7 +130,7 @@ class LifeCycle:
         accepted = True
         if transition.hook:
             try:
-                accepted = getattr(self._hooks, transition.hook)() is not False
+                accepted = self._call(transition.hook) is not False
             except Exception as error:
                 self.state = before
                 self._fail(explain(error), "")
@@ -145,6 +148,13 @@ class LifeCycle:
                 self._enter(State.RUNTIME_ERROR, its_substate, at_once)
         return accepted
 
+    def _call(self, hook: str) -> Any:
+        self.hook = (hook, time.monotonic())
+        try:
+            return getattr(self._hooks, hook)()
+        finally:
+            self.hook = None
+
     def refuse(self, reason: str) -> bool:
         """For a hook: note why it refuses, and return False."""
         self._refusal = reason
@@ -155,10 +165,10 @@ class LifeCycle:
         self.target = State.EXCEPTION
         try:
             if was_running:
-                self._hooks.stop_hook()
+                self._call("stop_hook")
             if was_configured:
-                self._hooks.cleanup_hook()
-            self._hooks.exception_hook()
+                self._call("cleanup_hook")
+            self._call("exception_hook")
         except Exception as error:
             self._enter(State.FATAL_ERROR, substate, f"{reason}; then, cleaning up: {explain(error)}")
             return

@@ -43,7 +43,8 @@ def call(task: Any, name: str, arguments: dict[str, Any]) -> Any:
     if name not in known:
         raise ValueError(f"{task.name} has no operation {name!r}; it has: {', '.join(known) or 'none'}")
     try:
-        return validate_call(getattr(task, name))(**arguments)
+        with task.within(f"operation {name}"):
+            return validate_call(getattr(task, name))(**arguments)
     except ValidationError as error:
         problems = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
         raise ValueError(f"{task.name}.{name}{known[name]}: {problems}") from None

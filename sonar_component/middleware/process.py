@@ -1,20 +1,12 @@
-"""One process of a deployment: builds its tasks, joins their ports, drives them, answers questions, reports upwards.
-
-Started by the supervisor with a plan, and two pipes: orders come in as lines of JSON, events go out the same way.
-"""
+"""One process of a deployment: builds its tasks, joins their ports, drives them, answers questions."""
 
 from __future__ import annotations
 
-import faulthandler
-import json
 import logging
 import os
-import select
-import signal
-import sys
 import time
 import zlib
-from concurrent.futures import wait
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -23,6 +15,7 @@ from sonar_component.middleware.deployment.plan import ConnectionPlan, Plan, Tas
 from sonar_component.middleware.deployment.task_types import task_type
 from sonar_component.middleware.guests import Guests
 from sonar_component.middleware.introspection import Introspection
+from sonar_component.middleware.ladder import MOST_GRACE, Progress
 from sonar_component.middleware.lifecycle import Command, LifeCycle, State
 from sonar_component.middleware.lockstep import Stepper
 from sonar_component.middleware.policy import Policy
@@ -35,7 +28,7 @@ from sonar_component.middleware.transport.keys import Guard, public_key
 from sonar_component.middleware.transport.transport import Join, Transport
 from sonar_component.settings.paths import find_file
 
-BEAT = 0.5  # [s], between signs of life
+_LOOK = 0.01  # [s], between two looks whether all is over
 
 
 class Process:
@@ -197,14 +190,19 @@ class Process:
         self.runners[name].call(go)
 
     def close(self, timeout: float = 1.5) -> bool:
-        """Stop and clean up every task, close the ports; False if a hook does not return in time."""
-        deadline = time.monotonic() + timeout
-        futures = [self.runners[name].call(partial(shut, task)) for name, task in reversed(self.tasks.items())]
-        if wait(futures, max(0.0, deadline - time.monotonic())).not_done:
-            busy = [name for name, task in self.tasks.items() if task.lifecycle.running]
-            logging.getLogger(self.name).warning("does not return from its hook: %s", ", ".join(busy))
+        """Stop and clean up every task, close the ports.
+
+        False if a hook neither returns within `timeout` [s] nor works on; what works has at most `MOST_GRACE`.
+        """
+        shutting = {name: self.runners[name].call(partial(shut, task)) for name, task in reversed(self.tasks.items())}
+        if not self._wait_for(lambda: all(future.done() for future in shutting.values()), timeout):
+            self._name_busy([name for name, future in shutting.items() if not future.done()])
             return False
-        ended = [runner.stop(max(0.1, deadline - time.monotonic())) for runner in set(self.runners.values())]
+        for runner in set(self.runners.values()):
+            runner.stop(0.0)
+        ended = self._wait_for(lambda: not any(runner.alive for runner in self.runners.values()), timeout)
+        if not ended:
+            self._name_busy([name for name, runner in self.runners.items() if runner.alive])
         for server in self.introspection.servers:
             server.close()
         if self.guard is not None:
@@ -216,14 +214,34 @@ class Process:
                     path.unlink(missing_ok=True)
         for lock in self.locks:
             lock.release()
-        return all(ended)
+        return ended
+
+    def _wait_for(self, done: Callable[[], bool], timeout: float) -> bool:
+        progress, end = Progress(self._worked), time.monotonic() + MOST_GRACE
+        while not done():
+            now = time.monotonic()
+            if now > end or progress.idle(now) > timeout:
+                return False
+            time.sleep(_LOOK)
+        return True
+
+    def _worked(self) -> float:
+        """Processor time of everything but this thread, which waits, and the sockets', which serves others [s]."""
+        return time.process_time() - time.thread_time() - self.transport.loop.processor_time()
+
+    def _name_busy(self, tasks: list[str]) -> None:
+        """Say which hook does not return; of tasks that share a thread it is another one's, whom they wait for."""
+        doing = {name: task.doing for name, task in self.tasks.items()}
+        busy = [f"{name}.{now[0]}" for name, now in doing.items() if now] or [f"{name} (between two)" for name in tasks]
+        logging.getLogger(self.name).warning("does not return from its hook: %s", ", ".join(busy))
 
     def beat(self) -> dict[str, Any]:
-        """Signs of life: cycles of each task, and for how long its present cycle has been running [s]."""
+        """Signs of life: cycles of each task, what it does now and for how long it has [s]."""
         now = time.monotonic()
         tasks = {
-            name: {"cycles": task.counters.cycles, "busy": now - task.counters.began if task.counters.began else 0.0}
+            name: {"cycles": task.counters.cycles, "doing": doing[0], "busy": now - doing[1]}
             for name, task in self.tasks.items()
+            if (doing := task.doing or ("", now))
         }
         return {"event": "beat", "tasks": tasks}
 
@@ -251,74 +269,3 @@ def make_clock(values: dict[str, Any]) -> Clock:
     if values.get("lockstep"):
         return SteppedClock(epoch, 1.0)
     return SimulatedClock(epoch, values.get("began", time.monotonic()), values.get("rate", 1.0))
-
-
-class _Reports:
-    """Events to the supervisor, one line of JSON each."""
-
-    def __init__(self, fd: int) -> None:
-        self._fd = fd
-
-    def __call__(self, event: dict[str, Any]) -> None:
-        try:
-            os.write(self._fd, (json.dumps(event) + "\n").encode())  # below PIPE_BUF, so lines never mix
-        except OSError:
-            return  # the supervisor is gone; the kernel ends us next
-
-
-class _WarningsUpwards(logging.Handler):
-    """Warnings of tasks are shown by the launcher too."""
-
-    def __init__(self, report: _Reports) -> None:
-        super().__init__(logging.WARNING)
-        self._report = report
-
-    def emit(self, record: logging.LogRecord) -> None:
-        text = record.getMessage().splitlines()[0][:500]
-        self._report({"event": "log", "task": record.name, "level": record.levelname.lower(), "text": text})
-
-
-def main(plan_file: str, name: str, host: str, events: str) -> None:
-    """Entry point of a child process."""
-    faulthandler.register(signal.SIGUSR1, all_threads=True)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the launcher decides
-    report = _Reports(int(events))
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    logging.getLogger().addHandler(_WarningsUpwards(report))
-    with open(plan_file, encoding="utf-8") as file:
-        process = Process(Plan.from_json(file.read()), name, host)
-    process.report = report
-    try:
-        process.build()
-    except Exception as error:
-        logging.getLogger(name).exception("could not be built")
-        report({"event": "refused", "reason": str(error)})
-        sys.exit(1)
-    report({"event": "built"})
-    for task in process.tasks:
-        process.bring_up(task)
-    _obey(process, report)
-    sys.exit(0 if process.close() and not process.failed else 1)
-
-
-def _obey(process: Process, report: _Reports) -> None:
-    """Take orders until told to stop."""
-    wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
-    signal.signal(signal.SIGTERM, lambda *_: os.eventfd_write(wake, 1))
-    pending = b""
-    while True:
-        ready, _, _ = select.select([0, wake], [], [], BEAT)
-        if wake in ready:
-            return
-        if 0 in ready:
-            got = os.read(0, 65536)
-            if not got:
-                return
-            *lines, pending = (pending + got).split(b"\n")
-            for line in lines:
-                order = json.loads(line)
-                if order["order"] == "stop":
-                    return
-                if order["order"] == "bring_up":
-                    process.bring_up(order["task"])
-        report(process.beat())

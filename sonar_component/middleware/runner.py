@@ -53,6 +53,11 @@ class Runner:
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
+    @property
+    def alive(self) -> bool:
+        """Whether its thread still runs."""
+        return self._thread.is_alive()
+
     def call(self, function: Callable[[], Any]) -> Future[Any]:
         """Run a function in the task's thread, between two cycles."""
         future: Future[Any] = Future()

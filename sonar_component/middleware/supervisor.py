@@ -1,68 +1,32 @@
-"""The launcher: starts the processes of a plan, watches them, stops them by the ladder.
+"""The launcher: starts the processes of a plan, watches them, starts again what fails, stops them.
 
-Stop: an order down the pipe, SIGTERM after `GRACE`, SIGKILL after `TERM_GRACE` more; a second Ctrl-C kills at once.
-Children are killed by the kernel if the launcher itself is killed. circus, honcho and supervisord were looked at: none
-knows of states of tasks or of cycles that stay away.
+It stops them by the ladder of ladder.py; a second Ctrl-C kills at once. Children are killed by the kernel if the
+launcher itself is killed. circus, honcho and supervisord were looked at: none knows of states of tasks or of cycles
+that stay away.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import selectors
 import signal
-import subprocess
-import sys
 import time
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import IO, Any
+from dataclasses import replace
+from functools import partial
+from typing import Any
 
+from sonar_component.middleware.child import Child
 from sonar_component.middleware.deployment.plan import Plan, RestartPlan
+from sonar_component.middleware.ladder import MOST_GRACE
 from sonar_component.middleware.lockstep import Conductor
+from sonar_component.middleware.process_log import ProcessLog
 from sonar_component.middleware.rundir import Instance, logs
 
-GRACE, TERM_GRACE = 2.0, 1.0  # [s]
 MAX_DELAY = 10.0  # [s], between two restarts
 _SETTLED = 10.0  # [s] of running after which the delay is short again
-_STARTUP = 60.0  # [s] without a sign of life that imports, configuration and a first cycle that compiles may take
-_CHILD = (
-    "import sys; from sonar_component.middleware.lifeline import die_with; die_with(int(sys.argv[1]));"
-    "from sonar_component.middleware.process import main; main(*sys.argv[2:])"
-)
-# glibc gives a megabyte back to the kernel at each free() unless told otherwise; measured: 58 % more frames over tcp.
-_MALLOC = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(64 << 20)}
-
-
-@dataclass
-class Child:
-    """One process: what runs now, and what happened to those before it."""
-
-    name: str
-    tasks: list[str]
-    rules: RestartPlan
-    log: Path
-    process: subprocess.Popen[bytes] | None = None
-    events: IO[bytes] | None = None
-    pending: bytes = b""
-    started: float = 0.0
-    last_beat: float = 0.0
-    young: bool = True
-    restarts: deque[float] = field(default_factory=deque)
-    delay: float = 0.0
-    due: float | None = None
-    mending: dict[str, float] = field(default_factory=dict)
-    stopping: bool = False
-    given_up: bool = False
-    hung: str = ""
-    refused: bool = False
-
-    @property
-    def patience(self) -> float:
-        """Seconds without a finished cycle or a sign of life after which it hangs."""
-        return max(_STARTUP, self.rules.hang_timeout) if self.young else self.rules.hang_timeout
+_DUMP = 0.2  # [s] that a hung process has to write its stack
+_END = MOST_GRACE + 5.0  # [s] after which a process that SIGKILL does not end (a disk that hangs) is left behind
 
 
 class Supervisor:
@@ -86,11 +50,12 @@ class Supervisor:
         self._conductor: Conductor | None = None
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._selector.register(self._wake, selectors.EVENT_READ, None)
-        folder = logs(plan.name)
-        self.children = [
-            Child(name, [t.name for t in tasks], plan.restart.get(name, RestartPlan()), folder / f"{name}.log")
-            for name, tasks in plan.processes(host).items()
-        ]
+        self.children = [self._child(name) for name in plan.processes(host)]
+
+    def _child(self, name: str) -> Child:
+        tasks = [task.name for task in self.plan.processes(self.host)[name]]
+        rules = self.plan.restart.get(name, RestartPlan())
+        return Child(name, tasks, rules, ProcessLog(logs(self.plan.name) / f"{name}.log"))
 
     def run(self, seconds: float | None = None) -> int:
         """Run until told to stop, all is over, or `seconds` have passed; the exit code.
@@ -118,6 +83,8 @@ class Supervisor:
                 signal.signal(number, handler)
             self.instance.remove()
             lock.release()
+        if self.failures:
+            self.tell("not well: " + "; ".join(f"{what}: {why}" for what, why in self.failures.items()))
         return 1 if self.failures else 0
 
     def _signalled(self, number: int, frame: object) -> None:
@@ -125,20 +92,10 @@ class Supervisor:
         os.eventfd_write(self._wake, 1)
 
     def _start(self, child: Child) -> None:
-        read, write = os.pipe()
-        command = [sys.executable, "-c", _CHILD, str(os.getpid()), str(self.instance.path / "plan.json"), child.name]
-        with open(child.log, "ab" if child.restarts else "wb") as log:
-            child.process = subprocess.Popen(
-                [*command, self.host, str(write)], stdin=subprocess.PIPE, stdout=log, stderr=log,
-                pass_fds=[write], start_new_session=True, env={**_MALLOC, **os.environ},
-            )  # fmt: skip
-        os.close(write)
-        os.set_blocking(read, False)
-        child.events = os.fdopen(read, "rb", buffering=0)
-        child.pending, child.young, child.due, child.hung = b"", True, None, ""
-        child.mending.clear()
-        child.started = child.last_beat = time.monotonic()
-        self._selector.register(child.events, selectors.EVENT_READ, child)
+        child.start(self.instance.path / "plan.json", self.host)
+        for pipe, take in ((child.events, self._read), (child.output, self._keep)):
+            assert pipe is not None
+            self._selector.register(pipe, selectors.EVENT_READ, partial(take, child))
 
     def _watch(self, seconds: float | None) -> None:
         end = None if seconds is None else time.monotonic() + seconds
@@ -164,7 +121,7 @@ class Supervisor:
             if key.data is None:
                 os.eventfd_read(self._wake)
             else:
-                self._read(key.data)
+                key.data()
         now = time.monotonic()
         for child in self.children:
             if child.process is not None and child.process.poll() is not None:
@@ -176,22 +133,25 @@ class Supervisor:
                 self._start(child)
 
     def _read(self, child: Child) -> bool:
-        """Take events; False if there were none."""
-        got = child.events.read(1 << 16) if child.events is not None else b""
-        if got == b"":
-            self._forget_pipe(child)
-        if not got:
+        """Take events; False where none will come any more."""
+        events = child.told()
+        if events is None:
+            self._forget(child.events)
             return False
-        *lines, child.pending = (child.pending + got).split(b"\n")
-        for line in lines:
-            self._event(child, json.loads(line))
-        return True
+        for event in events:
+            self._event(child, event)
+        return bool(events)
 
-    def _forget_pipe(self, child: Child) -> None:
-        if child.events is not None:
-            self._selector.unregister(child.events)
-            child.events.close()
-            child.events = None
+    def _keep(self, child: Child) -> None:
+        known = child.log.error
+        if not child.keep_output():
+            self._forget(child.output)
+        if child.log.error != known:
+            self.tell(f"{child.log.path} cannot be written: {child.log.error}")
+
+    def _forget(self, pipe: Any) -> None:
+        if pipe is not None and pipe in self._selector.get_map():
+            self._selector.unregister(pipe)
 
     def _event(self, child: Child, event: dict[str, Any]) -> None:
         kind = event["event"]
@@ -213,9 +173,10 @@ class Supervisor:
                 self.failures[event["task"]] = event["reason"]
         elif kind == "beat":
             child.young = any(v["cycles"] <= 1 for v in event["tasks"].values())
-            busy = [(t, v["busy"]) for t, v in event["tasks"].items() if v["busy"] > child.patience]
-            if busy and not child.hung and not child.stopping:
-                self._hang(child, f"task {busy[0][0]} has not finished its cycle for {busy[0][1]:.1f} s")
+            for task, now in event["tasks"].items():
+                if now["busy"] > child.patience(now["doing"]) and not child.hung and not child.stopping:
+                    what = "cycle" if now["doing"] in ("update_hook", "error_hook") else now["doing"]
+                    self._hang(child, f"task {task} has not finished its {what} for {now['busy']:.1f} s")
 
     def _state(self, child: Child, event: dict[str, Any]) -> None:
         task, state, reason = event["task"], event["state"], event["reason"]
@@ -238,32 +199,33 @@ class Supervisor:
             child.given_up = child.given_up or child.rules.restart != "never"
             return
         if state == "FATAL_ERROR":
-            self._kill(child, signal.SIGTERM)
+            child.kill(signal.SIGTERM)
         else:
             child.mending[task] = time.monotonic() + child.delay
 
     def _bring_up(self, child: Child, now: float) -> None:
         for task in [task for task, due in child.mending.items() if now >= due]:
             del child.mending[task]
-            self._order(child, {"order": "bring_up", "task": task})
+            child.order({"order": "bring_up", "task": task})
 
     def _look_for_hang(self, child: Child, now: float) -> None:
         silence = now - child.last_beat
-        if silence > child.patience and not child.hung:
+        if silence > child.patience() and not child.hung:
             self._hang(child, f"process {child.name} has given no sign of life for {silence:.1f} s")
 
     def _hang(self, child: Child, reason: str) -> None:
         child.hung = reason
-        self.tell(f"{reason}: its stack is in {child.log}; it is killed")
-        self._kill(child, signal.SIGUSR1)  # faulthandler writes every thread's stack, even without the interpreter
-        time.sleep(0.2)
-        self._kill(child, signal.SIGKILL)
+        self.tell(f"{reason}: its stack is in {child.log.path}; it is killed")
+        child.kill(signal.SIGUSR1)  # faulthandler writes every thread's stack, even without the interpreter
+        time.sleep(_DUMP)
+        child.kill(signal.SIGKILL)
 
     def _ended(self, child: Child) -> None:
         assert child.process is not None
         while self._read(child):
             pass
-        self._forget_pipe(child)
+        child.keep_rest()
+        child.close(self._forget)
         code, child.process = child.process.returncode, None
         for task in child.tasks:
             self.states.pop(task, None)
@@ -284,7 +246,8 @@ class Supervisor:
             why = (
                 "" if not wanted else f"; {len(child.restarts)} restarts in {child.rules.restart_window:g} s are enough"
             )
-            self.tell(f"process {child.name} {how}{why}; see {child.log}{self._last_line(child)}")
+            last = f" ({child.log.last_line})" if child.log.last_line else ""
+            self.tell(f"process {child.name} {how}{why}; see {child.log.path}{last}")
 
     def _may_restart(self, child: Child) -> bool:
         """Count a restart; False if there were too many within the window."""
@@ -298,45 +261,36 @@ class Supervisor:
         child.restarts.append(now)
         return True
 
-    def _last_line(self, child: Child) -> str:
-        lines = child.log.read_text(errors="replace").strip().splitlines()[-1:]
-        return f" ({lines[0][:200]})" if lines else ""
-
-    def _order(self, child: Child, order: dict[str, Any]) -> None:
-        if child.process is None or child.process.stdin is None:
-            return
-        try:
-            child.process.stdin.write((json.dumps(order) + "\n").encode())
-            child.process.stdin.flush()
-        except OSError:
-            return  # it has just ended; the next turn sees that
-
-    def _kill(self, child: Child, number: int) -> None:
-        if child.process is not None and child.process.poll() is None:
-            child.process.send_signal(number)
-
     def _stop_all(self) -> None:
-        """The ladder."""
+        """The ladder, for each process by itself."""
         for child in self.children:
-            child.stopping, child.due = True, None
-            self._order(child, {"order": "stop"})
-        for number, patience in ((signal.SIGTERM, GRACE), (signal.SIGKILL, TERM_GRACE), (None, 1.0)):
-            if self._all_gone(patience) or number is None:
-                break
-            for child in self.children:
-                if child.process is not None:
-                    self.tell(f"process {child.name} does not stop: {signal.Signals(number).name}")
-                    self.failures[f"process {child.name}"] = "had to be stopped by force"
-                    self._kill(child, number)
+            child.stop()
+        signals, end = max(self._signals, 1), time.monotonic() + _END
+        while self._living() and self._signals <= signals and time.monotonic() < end:
+            self._turn(0.02)
+            for child in self._living():
+                number = child.ladder.due(time.monotonic()) if child.ladder is not None else None
+                if number is not None:
+                    self._force(child, number)
+        self._kill_the_rest()
         for child in self.children:
-            self._forget_pipe(child)
+            child.close(self._forget)
+            child.log.close()
         self._selector.close()
         os.close(self._wake)
 
-    def _all_gone(self, patience: float) -> bool:
-        deadline, signals = time.monotonic() + patience, self._signals
-        while any(child.process is not None for child in self.children):
-            if time.monotonic() > deadline or self._signals > max(signals, 1):
-                return False
+    def _living(self) -> list[Child]:
+        return [child for child in self.children if child.process is not None]
+
+    def _force(self, child: Child, number: signal.Signals) -> None:
+        self.tell(f"process {child.name} does not stop: {number.name}")
+        self.failures[f"process {child.name}"] = "had to be stopped by force"
+        child.kill(number)
+
+    def _kill_the_rest(self) -> None:
+        """After a second signal: nobody waits any longer."""
+        for child in self._living():
+            self._force(child, signal.SIGKILL)
+        end = time.monotonic() + 1.0
+        while self._living() and time.monotonic() < end:
             self._turn(0.02)
-        return True

@@ -8,7 +8,9 @@ and used in another. Hook names are RTT's in Python's spelling; `update_hook` re
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -111,6 +113,7 @@ class Task:
         self.lifecycle = LifeCycle(self, self._changed)
         self.on_change: Callable[[LifeCycle], None] = lambda lifecycle: None
         self._fault: InputPort[Any] | None = None
+        self._doing: tuple[str, float] | None = None
         self.properties: Any = None
 
     def _add(self, name: str, port: InputPort[Any] | OutputPort[Any]) -> None:
@@ -222,6 +225,7 @@ class Task:
     def cycle(self) -> None:
         """One update: the error hook in RUNTIME_ERROR, the update hook in RUNNING, also just after a recovery."""
         self.counters.cycles += 1
+        self._doing = ("update_hook" if self.lifecycle.state is State.RUNNING else "error_hook", time.monotonic())
         try:
             if self.lifecycle.state is State.RUNTIME_ERROR:
                 self.error_hook()
@@ -232,6 +236,22 @@ class Task:
         except Exception as error:
             self.log.exception("update failed")
             self.lifecycle.do(Command.EXCEPTION, explain(error))
+        finally:
+            self._doing = None
+
+    @property
+    def doing(self) -> tuple[str, float] | None:
+        """The hook or operation that runs now, and since when [s, monotonic]; None between two."""
+        return self.lifecycle.hook or self._doing
+
+    @contextmanager
+    def within(self, what: str) -> Iterator[None]:
+        """Note what runs, for those who wonder why the task does not answer."""
+        before, self._doing = self._doing, (what, time.monotonic())
+        try:
+            yield
+        finally:
+            self._doing = before
 
     def watch(self) -> None:
         """Look for stale inputs without an update: for a task that waits and nothing comes."""
@@ -275,7 +295,8 @@ class Task:
         except ValidationError as error:
             raise ValueError("; ".join(wrong_properties(self.Properties, values, error))) from None
         if configured:
-            self.property_hook(name, getattr(changed, name))
+            with self.within(f"property_hook of {name}"):
+                self.property_hook(name, getattr(changed, name))
         self.given, self.properties = values, changed
 
     def _changed(self, lifecycle: LifeCycle) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 
 import numpy as np
@@ -125,3 +126,30 @@ class NumbersTask(Task):
     def numbers(self) -> list[float]:
         """What was read."""
         return self.seen
+
+
+class WorkProperties(NoProperties):
+    configuring: float = 0.0
+    stopping: float = 0.0
+    sleeping: bool = False
+
+
+class WorkTask(Task):
+    """Works, or sleeps, for some seconds in its hooks: as one that compiles, or one that hangs."""
+
+    Properties = WorkProperties
+    activity = Periodic(0.02)
+
+    def _work(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if self.properties.sleeping:
+                time.sleep(0.1)
+
+    def configure_hook(self) -> None:
+        sys.stdout.write(f"configuring for {self.properties.configuring} s\n")
+        sys.stdout.flush()
+        self._work(self.properties.configuring)
+
+    def stop_hook(self) -> None:
+        self._work(self.properties.stopping)

@@ -114,7 +114,7 @@ def test_a_client_reaches_another_host_by_the_deployment_file(hosts: Any) -> Non
         ("poes.pose_samples", {"timeout": 0.0}, "no task 'poes' (did you mean \"pose\"?)"),
     ):
         with pytest.raises(SettingsError) as caught:
-            connect(name, deployment=file, **options)  # type: ignore[call-overload]
+            connect(name, deployment=file, **options)
         assert message in str(caught.value)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
@@ -93,8 +94,55 @@ def test_a_task_that_does_not_stop_is_left_behind_with_a_word(graph: Any) -> Non
     time.sleep(0.3)  # until the third cycle
     launcher.send_signal(signal.SIGINT)
     assert launcher.wait(8) == 1
-    assert "stuck: warning: does not return from its hook: stuck" in graph.said()
+    assert "stuck: warning: does not return from its hook: stuck.update_hook" in graph.said()
     assert graph.processes() == []
+
+
+def test_a_task_that_works_on_its_end_is_waited_for(graph: Any) -> None:
+    launcher = graph.start("version: 1\ntasks:\n  work: {type: WorkTask, properties: {stopping: 4}}\n")
+    graph.wait_until_said("work: RUNNING")
+    began = time.monotonic()
+    launcher.send_signal(signal.SIGINT)
+    assert launcher.wait(20) == 0, graph.said()
+    assert time.monotonic() - began >= 4  # far above the 2 s of the ladder
+    assert "does not" not in graph.said()
+
+
+def test_seconds_end_well_although_a_task_is_still_coming_up(graph: Any) -> None:
+    file = graph.write("version: 1\ntasks:\n  work: {type: WorkTask, properties: {configuring: 4}}\n")
+    done = graph.sonar("run", file, "--seconds", 1)
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_task_that_hangs_while_it_comes_up_is_named_with_its_hook(graph: Any) -> None:
+    text = "version: 1\ntasks:\n  work: {type: WorkTask, properties: {configuring: 60, sleeping: true}}\n"
+    began = time.monotonic()
+    done = graph.sonar("run", graph.write(text), "--seconds", 1.5)
+    assert time.monotonic() - began < 8  # 1.5 s, 1.5 s of grace, and two interpreters on a busy machine
+    assert done.returncode == 1
+    assert "work: warning: does not return from its hook: work.configure_hook" in done.stdout
+    assert "not well: process work: ended with code 1" in done.stdout
+
+
+def test_an_operation_that_hangs_is_found_by_its_missing_cycles(graph: Any) -> None:
+    graph.start("version: 1\ntasks:\n  source: {type: SourceTask, hang_timeout: 500 ms, restart_delay: 50 ms}\n")
+    with connect_task("source", timeout=20.0) as source:
+        graph.wait_for(lambda: source.describe()["counters"]["cycles"] > 1, "running")
+        time.sleep(0.7)  # above the 0.5 s between two signs of life: before, it has the patience for a first cycle
+        source.timeout = 0.1
+        with contextlib.suppress(TimeoutError):
+            source.call("hang", seconds=60)
+    graph.wait_until_said("task source has not finished its operation hang for")
+    graph.wait_until_said("source: RUNNING", times=2)
+
+
+def test_what_a_process_printed_outlives_the_next_run(graph: Any) -> None:
+    file = graph.write("version: 1\ntasks:\n  work: {type: WorkTask}\n")
+    for _ in range(2):
+        assert graph.sonar("run", file, "--seconds", 1.5).returncode == 0
+    lines = (Path(os.environ["SONAR_LOG_DIR"]) / "graph" / "work.log").read_text().splitlines()
+    assert [line for line in lines if line.startswith("configuring")] == ["configuring for 0.0 s"] * 2
+    assert sum("process work starts, pid" in line for line in lines) == 2
 
 
 def test_a_process_that_does_not_stop_is_stopped_by_force(graph: Any) -> None:

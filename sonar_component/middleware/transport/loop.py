@@ -55,6 +55,13 @@ class Loop:
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join(2.0)
 
+    def processor_time(self) -> float:
+        """What the thread has used [s]; 0 where it does not run."""
+        number = self._thread.ident
+        if number is None or not self._thread.is_alive():
+            return 0.0
+        return time.clock_gettime(time.pthread_getcpuclockid(number))
+
     def call(self, function: Callable[[], None]) -> None:
         """Run a function soon, in the loop's thread."""
         with self._lock:
