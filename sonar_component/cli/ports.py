@@ -10,10 +10,11 @@ from typing import Any
 
 import typer
 
+from sonar_component.cli import complete
 from sonar_component.cli.pictures import print_picture
 from sonar_component.cli.run import print_json
 
-PORT = typer.Argument(..., metavar="TASK.PORT", help="Output port of a running task.")
+PORT = typer.Argument(..., metavar="TASK.PORT", help="Output port of a running task.", autocompletion=complete.outputs)
 JSON = typer.Option(False, "--json", help="Print JSON.")
 INSTANCE = typer.Option(None, help="Which instance, where several run.")
 DEPLOYMENT = typer.Option(None, metavar="FILE", help="Reach tasks of this deployment's other hosts.")

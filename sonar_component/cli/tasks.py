@@ -8,11 +8,15 @@ from typing import Any
 
 import typer
 
+from sonar_component.cli import complete
 from sonar_component.cli.ports import DEPLOYMENT, INSTANCE, KEY, Where
 from sonar_component.cli.run import parse_value, print_json
 
-TASK = typer.Argument(..., metavar="TASK", help="A running task.")
-PROPERTY = typer.Argument(..., metavar="TASK[.PROPERTY]", help="A property of a running task, or all of them.")
+TASK = typer.Argument(..., metavar="TASK", help="A running task.", autocompletion=complete.tasks)
+PROPERTY = typer.Argument(
+    ..., metavar="TASK[.PROPERTY]", help="A property of a running task, or all of them.",
+    autocompletion=complete.properties,
+)  # fmt: skip
 JSON = typer.Option(False, "--json", help="Print JSON.")
 TIMEOUT = typer.Option(2.0, min=0.0, help="Seconds to wait for the answer.")
 
@@ -80,7 +84,9 @@ def get(
 
 
 def set_property(
-    name: str = typer.Argument(..., metavar="TASK.PROPERTY", help="A property of a running task."),
+    name: str = typer.Argument(
+        ..., metavar="TASK.PROPERTY", help="A property of a running task.", autocompletion=complete.properties
+    ),
     value: str = typer.Argument(..., help='As in YAML: 30 m, 0.5, true, "text".'),
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
@@ -94,7 +100,9 @@ def set_property(
 
 
 def call(
-    operation: str = typer.Argument(..., metavar="TASK.OPERATION", help="An operation of a running task."),
+    operation: str = typer.Argument(
+        ..., metavar="TASK.OPERATION", help="An operation of a running task.", autocompletion=complete.operations
+    ),
     arguments: list[str] = typer.Argument(None, metavar="[NAME=VALUE]...", help="Values are written as in YAML."),
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
@@ -122,7 +130,9 @@ def call(
 
 def state(
     task: str = TASK,
-    command: str | None = typer.Argument(None, help="configure, start, stop, cleanup or recover."),
+    command: str | None = typer.Argument(
+        None, help=f"{', '.join(complete.COMMANDS)}.", autocompletion=complete.commands
+    ),
     as_json: bool = JSON,
     timeout: float = TIMEOUT,
     instance: str | None = INSTANCE,
