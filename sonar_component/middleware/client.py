@@ -173,6 +173,7 @@ def _policy(given: AnyPolicy, size: int | None) -> Policy:
     from pydantic import ValidationError
 
     from sonar_component.middleware.deployment.file import PolicyFile
+    from sonar_component.settings.validation import explain
 
     if isinstance(given, Policy):
         return given
@@ -183,9 +184,9 @@ def _policy(given: AnyPolicy, size: int | None) -> Policy:
     try:
         wanted = PolicyFile.model_validate(dict(given))
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, ("policy", *first["loc"])))
-        raise SettingsError(f"{place}: {first['msg'].removeprefix('Value error, ')}, got {first['input']!r}") from None
+        mistakes = explain(PolicyFile, dict(given), error.errors())
+        words = [": ".join([".".join(map(str, ("policy", *place))), words]) for place, words in mistakes]
+        raise SettingsError("; ".join(words)) from None
     # A client wants the last value at once, whatever the kind: it has just come.
     return Policy(wanted.kind, wanted.size, True if wanted.init is None else wanted.init)
 

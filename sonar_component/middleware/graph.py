@@ -82,7 +82,15 @@ def of_running(before: list[dict[str, Any]], after: list[dict[str, Any]], second
     for target, c in _connections(after):
         rate = (c["received"] - counts.get((c["from"], target), c["received"])) / seconds
         edges.append(Edge(c["from"], target, c["policy"], rate, c["replaced"], c["dropped"] + c["lost"]))
-    return Graph([Node(t["task"], t["type"], t["process"], t["state"]) for t in after], edges)
+    nodes = [Node(t["task"], t["type"], t["process"], t["state"]) for t in after]
+    return Graph(nodes + _others(nodes, edges), edges)
+
+
+def _others(nodes: list[Node], edges: list[Edge]) -> list[Node]:
+    """Who writes and is no task of the survey: clients, and tasks of hosts that were not asked."""
+    known = {node.name for node in nodes}
+    names = dict.fromkeys(name for edge in edges if (name := _task(edge.source)) not in known)
+    return [Node(name, "client" if name.startswith("client_") else "task", "elsewhere") for name in names]
 
 
 def _connections(survey: list[dict[str, Any]]) -> list[tuple[str, dict[str, Any]]]:

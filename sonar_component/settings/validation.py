@@ -7,6 +7,7 @@ finding for each alternative; they are joined, since the user made one mistake.
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -24,6 +25,12 @@ _BOUNDS = {  # pydantic's type of error -> the key of its bound, and our word fo
     "less_than": ("lt", "below"),
     "less_than_equal": ("le", "at most"),
 }
+_KINDS = {  # pydantic's type of error -> what a file must hold there
+    "model_type": "a mapping of keys to values",
+    "dict_type": "a mapping of keys to values",
+    "list_type": "a list",
+}
+_LITERAL = re.compile(r"'([^']*)'")
 
 
 def validate(model: type[Model], document: Document, at: KeyPath = ()) -> Model:
@@ -62,7 +69,7 @@ def explain(model: type[BaseModel], data: Any, items: Sequence[Any]) -> list[tup
     for place in (place for place in places if place not in blunt):
         words = ", or ".join(dict.fromkeys(_words(model, place, item) for item in places[place]))
         got = f", got {places[place][0]['input']!r}" if _wants_value(places[place], words) else ""
-        mistakes.append((place, words + got + _unit_hint(model, data, place)))
+        mistakes.append((place, words + got + (_word_hint(places[place]) or _unit_hint(model, data, place))))
     return mistakes
 
 
@@ -89,8 +96,16 @@ def _words(model: type[BaseModel], place: KeyPath, item: Any) -> str:
         return f"must be {word} {_with_unit(model, place, item['ctx'][key])}"
     if item["type"] in ("int_from_float", "int_parsing"):
         return "must be a whole number"
+    if item["type"] in _KINDS:
+        return f"must be {_KINDS[item['type']]}"
     message = str(item["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
     return message[0].lower() + message[1:]
+
+
+def _word_hint(items: list[Any]) -> str:
+    """The nearest of the few words that may stand there."""
+    words = [item for item in items if item["type"] == "literal_error" and isinstance(item["input"], str)]
+    return next((suggest(item["input"], _LITERAL.findall(item["ctx"]["expected"])) for item in words), "")
 
 
 def _wants_value(items: list[Any], words: str) -> bool:

@@ -102,7 +102,7 @@ def test_every_policy_of_a_deployment_is_there_for_a_client(graph: Any, policy: 
     ("policy", "message"),
     [
         ("relyable", "got 'relyable' (did you mean \"reliable\"?)"),
-        ({"buffer": 0}, "policy.buffer: Input should be greater than or equal to 1, got 0"),
+        ({"buffer": 0}, "policy.buffer: must be at least 1, got 0"),
         ({"buffer": 1, "reliable": 2}, "must name one of data, buffer, circular_buffer, reliable"),
         ({"bufer": 1}, "policy.bufer"),
     ],
@@ -136,6 +136,9 @@ def test_an_input_port_belongs_to_one_writer_unless_it_is_shared(graph: Any, ope
             first.write(pose(1))
             second.write(pose(2))
             assert sorted(numbers(open_graph, 2)) == [1, 2]
+        drawn = open_graph.sonar("graph", "--seconds", 0.1).stdout
+        assert drawn.count("(client, process elsewhere)") == 1
+        assert f"recorder.poses <- {first._visit.client}.poses  [data" in drawn
     with connect("recorder.poses", write=True) as third:  # at once: both have left
         assert third.connected()
 

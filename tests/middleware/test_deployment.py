@@ -84,6 +84,11 @@ MISTAKES = [
     ("policy: data", "policy: buffer", 11, "write {buffer: 4}"),
     ("policy: data", "policy: {buffer: 0}", 11, "must be at least 1, got 0"),
     ("max_age: 500 ms", "max_age: 500 m", 11, "'m' is of length"),
+    ("max_age: 500 ms", "max_age: 500", 11, 'must be at most 300, got 500 (did you mean "500 ms"?)'),
+    ("activity: {periodic: 20 ms}", "activity: {periodic: 200}", 3, '(did you mean "200 ms"?)'),
+    ("activity: {periodic: 20 ms}", "activity: periodic", 3, "must be a mapping of keys to values, got 'periodic'"),
+    ("activity: {periodic: 20 ms}", "restart: allways", 3, '(did you mean "always"?)'),
+    ("policy: data", "policy: circular_bufer", 11, '(did you mean "circular_buffer"?)'),
     ("process: gpu", "process: ../gpu", 7, "must be letters, digits"),
 ]  # fmt: skip
 

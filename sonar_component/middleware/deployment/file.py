@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from sonar_component.middleware.policy import KINDS, MAX_SIZE
+from sonar_component.settings.errors import suggest
 from sonar_component.settings.quantity import Duration
 
 
@@ -19,6 +20,9 @@ class _Strict(BaseModel):
 
 
 PositiveDuration = Annotated[Duration, Field(gt=0)]
+# Above these a bare number was meant as milliseconds: nothing that is watched is a minute between two updates.
+Period = Annotated[Duration, Field(gt=0, le=60.0)]
+Age = Annotated[Duration, Field(gt=0, le=300.0)]
 
 
 class PolicyFile(_Strict):
@@ -54,7 +58,7 @@ def _policy_from_word(value: Any) -> Any:
         hint = (
             f"; write {{{value}: 4}}"
             if value in KINDS
-            else f"; allowed: data, {', '.join(f'{{{k}: N}}' for k in KINDS[1:])}"
+            else f"{suggest(value, KINDS)}; allowed: data, {', '.join(f'{{{k}: N}}' for k in KINDS[1:])}"
         )
         raise ValueError(f"must be data, or a kind with its size{hint}, got {value!r}")
     return value
@@ -66,13 +70,13 @@ class ConnectionFile(_Strict):
     source: str = Field(alias="from")
     to: Annotated[list[str], BeforeValidator(lambda v: [v] if isinstance(v, str) else v), Field(min_length=1)]
     policy: Annotated[PolicyFile, BeforeValidator(_policy_from_word)] = PolicyFile.model_construct(data=1)
-    max_age: PositiveDuration | None = None
+    max_age: Age | None = None
 
 
 class ActivityFile(_Strict):
     """How a task is updated: one of ``periodic``, ``port_driven`` and ``slave``."""
 
-    periodic: PositiveDuration | None = None
+    periodic: Period | None = None
     port_driven: list[str] | None = None
     timeout: PositiveDuration | None = None
     slave: str | None = None
