@@ -18,6 +18,7 @@ PROPERTY = typer.Argument(
     autocompletion=complete.properties,
 )  # fmt: skip
 JSON = typer.Option(False, "--json", help="Print JSON.")
+_WIDE = 200  # characters of a line that goes to a file
 TIMEOUT = typer.Option(2.0, min=0.0, help="Seconds to wait for the answer.")
 
 
@@ -213,11 +214,21 @@ def _print_table(rows: list[dict[str, Any]], clear: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("task", "state", "cycles/s", "overruns", "longest ms", "cpu %", "memory MB", "lost", "reason")
+    numbers = {
+        "rate": "cycles/s", "overruns": "overruns", "longest_ms": "longest ms", "cpu": "cpu %",
+        "memory_mb": "memory MB", "lost": "lost",
+    }  # fmt: skip
+    table = Table(box=None, pad_edge=False)
+    for head in ("task", "state", *numbers.values(), "reason"):
+        right = head in numbers.values()
+        table.add_column(head, justify="right" if right else "left", no_wrap=head != "reason")
     for row in rows:
-        numbers = [f"{row[key]:.1f}" for key in ("rate", "overruns", "longest_ms", "cpu", "memory_mb", "lost")]
-        table.add_row(row["task"], row["state"], *numbers, row["reason"])
+        values = [row[key] for key in numbers]
+        words = [str(value) if isinstance(value, int) else f"{value:.1f}" for value in values]
+        table.add_row(row["task"], row["state"], *words, row["reason"])
     console = Console()
+    if not console.is_terminal:
+        console.width = _WIDE
     if clear:
         console.clear()
     console.print(table)
@@ -236,9 +247,11 @@ def _connect(task: str, timeout: float, where: Where) -> Any:
 
 
 def _answer(ask: Any, *arguments: Any, **named: Any) -> Any:
-    """The answer; a refusal or silence is one line and exit code 1."""
+    """The answer; silence or a failure is one line and exit code 1, what is wrong with the question 2."""
+    from sonar_component.middleware.transport.control import WrongRequestError
+
     try:
         return ask(*arguments, **named)
     except (RuntimeError, TimeoutError) as error:
         typer.echo(str(error), err=True)
-        raise typer.Exit(1) from None
+        raise typer.Exit(2 if isinstance(error, WrongRequestError) else 1) from None

@@ -34,7 +34,7 @@ def test_properties_are_read_and_set(graph: Any) -> None:
     assert graph.sonar("get", "pose").stdout == "beams = 4\nbins = 8\ngain = 0.25\n"
     for value, message in (("7", "gain: must be at most 1, got 7"), ("loud", "gain: must be a valid number")):
         done = graph.sonar("set", "pose.gain", value)
-        assert (done.returncode, len(done.stderr.splitlines())) == (1, 1)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
         assert message in done.stderr
     assert graph.json("get", "pose.gain") == 0.25
 
@@ -43,9 +43,9 @@ def test_operations_are_called(graph: Any) -> None:
     running(graph)
     assert graph.json("call", "pose.rendered_count") == 0
     done = graph.sonar("call", "pose.rendered")
-    assert (done.returncode, "it has: die, hang, rendered_count" in done.stderr) == (1, True)
+    assert (done.returncode, "it has: die, hang, rendered_count" in done.stderr) == (2, True)
     done = graph.sonar("call", "pose.hang", "seconds=long")
-    assert (done.returncode, "pose.hang(seconds" in done.stderr) == (1, True)
+    assert (done.returncode, "pose.hang(seconds" in done.stderr) == (2, True)
 
 
 def test_states_are_shown_and_ordered(graph: Any) -> None:
@@ -83,6 +83,9 @@ def test_top_shows_what_tasks_cost(graph: Any) -> None:
     rows = running(graph).json("top")
     assert {row["task"] for row in rows} == {"pose", "fls"}
     assert all(row["memory_mb"] > 5 and row["cpu"] < 100 for row in rows)
+    heads, *lines = graph.sonar("top", "--once").stdout.splitlines()
+    assert heads.split()[:3] == ["task", "state", "cycles/s"]
+    assert [line.split()[:2] for line in lines] == [["fls", "RUNNING"], ["pose", "RUNNING"]]
 
 
 @pytest.mark.parametrize("file", sorted(DEPLOY.glob("*.yaml")), ids=lambda file: file.stem)

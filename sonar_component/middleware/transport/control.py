@@ -27,6 +27,10 @@ _log = logging.getLogger("transport")
 Answer = Callable[[dict[str, Any]], Any]
 
 
+class WrongRequestError(RuntimeError):
+    """The other side knows no such name or does not take the value: whoever asked must ask otherwise."""
+
+
 class ControlServer:
     """Answers requests; an answer may be a Future, which is waited for elsewhere.
 
@@ -83,7 +87,7 @@ class ControlServer:
         try:
             result = self._answer(request)
         except Exception as error:
-            return self._reply(peer, {"id": number, "error": str(error) or type(error).__name__})
+            return self._reply(peer, {"id": number, **_said(error)})
         if isinstance(result, Future):
             result.add_done_callback(lambda done: self._loop.call(lambda: self._finish(peer, number, done)))
             return None
@@ -92,7 +96,7 @@ class ControlServer:
     def _finish(self, peer: bytes, number: Any, done: Future[Any]) -> None:
         error = done.exception()
         if error is not None:
-            self._reply(peer, {"id": number, "error": str(error) or type(error).__name__})
+            self._reply(peer, {"id": number, **_said(error)})
         else:
             self._reply(peer, {"id": number, "result": done.result()})
 
@@ -142,7 +146,7 @@ class ControlClient:
         TimeoutError
             If none comes in time.
         RuntimeError
-            If the other side refuses; the text is its reason.
+            If the other side refuses; the text is its reason. `WrongRequestError` where the request itself is wrong.
         """
         number = next(self._numbers)
         request = msgpack.packb({"id": number, "op": op, **arguments}, default=plain)
@@ -155,7 +159,7 @@ class ControlClient:
             if answer.get("id") != number:
                 continue  # the answer to a question we gave up on
             if "error" in answer:
-                raise RuntimeError(answer["error"])
+                raise (WrongRequestError if answer.get("wrong") else RuntimeError)(answer["error"])
             return answer.get("result")
         if self._monitor is not None:
             self._monitor.serve()
@@ -166,6 +170,11 @@ class ControlClient:
         if self._monitor is not None:
             self._monitor.close()
         self._socket.close()
+
+
+def _said(error: BaseException) -> dict[str, Any]:
+    text = str(error) or type(error).__name__
+    return {"error": text, "wrong": True} if isinstance(error, ValueError) else {"error": text}
 
 
 def plain(value: Any) -> Any:
