@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -214,3 +215,46 @@ def test_a_stranger_cannot_have_the_task_connect_elsewhere(open_graph: Any) -> N
         for name in ("../../etc", "nobody_1", "", 7):
             with pytest.raises(RuntimeError, match=r"client name must be|no client"):
                 task._ask("admit", port="poses", client=name, type="RigidBodyState", major=1)
+
+
+def test_nonsense_requests_are_answered_with_reasons_and_change_nothing(open_graph: Any) -> None:
+    """Known requests with made-up arguments: those that are no requests at all are in test_transport.py."""
+    chance = random.Random(6)
+    words: list[Any] = [
+        "recorder",
+        "poses",
+        "state",
+        "",
+        "..",
+        "x" * 300,
+        None,
+        -1,
+        2**63,
+        0.5,
+        True,
+        [],
+        {},
+        [["a"]],
+        b"\0",
+    ]
+    ops = ["state", "describe", "record", "get", "set", "call", "command", "reserve", "admit", "leave", "step", "tasks"]
+    keys = ["port", "client", "type", "major", "policy", "size", "name", "value", "arguments", "seq"]
+    with connect_task("recorder") as task:
+        before = memory(task.record["pid"])
+        reasons = []
+        for _ in range(3000):
+            request = {key: chance.choice(words) for key in chance.sample(keys, 4)}
+            try:
+                task._client.ask(chance.choice(ops), 5.0, task=chance.choice(["recorder", *words]), **request)
+            except RuntimeError as error:
+                reasons.append(str(error))
+        assert len(reasons) > 1000
+        assert all(reasons)
+        assert task.state()["state"] == "RUNNING"
+        assert task.describe()["inputs"]["poses"]["connections"] == []
+        assert memory(task.record["pid"]) - before < 20  # [MB], the issue's
+
+
+def memory(pid: int) -> float:
+    """Resident memory [MB]."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
