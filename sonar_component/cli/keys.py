@@ -6,6 +6,8 @@ from pathlib import Path
 
 import typer
 
+from sonar_component.cli.run import print_json
+
 
 def register(app: typer.Typer) -> None:
     """Add the verbs."""
@@ -31,12 +33,18 @@ def allow(file: Path = typer.Argument(..., help="Public key (.key) of somebody e
     print(f"{allow(file)}: allowed from the next start of a deployment on")
 
 
-def list_keys() -> None:
+def list_keys(as_json: bool = typer.Option(False, "--json", help="Print JSON.")) -> None:
     """List own and allowed keys."""
-    from sonar_component.middleware.transport.keys import key_folder
+    from sonar_component.middleware.transport.keys import key_folder, own_names
 
     folder = key_folder()
-    for file in sorted(folder.glob("*.key_secret")):
-        print(f"own      {file.with_suffix('.key')}")
-    for file in sorted((folder / "allowed").glob("*.key")):
-        print(f"allowed  {file}")
+    found = {
+        "own": [str(folder / f"{name}.key") for name in own_names()],
+        "allowed": sorted(str(file) for file in (folder / "allowed").glob("*.key")),
+    }
+    if as_json:
+        print_json(found)
+        return
+    for kind, files in found.items():
+        for file in files:
+            print(f"{kind:<8} {file}")

@@ -33,7 +33,7 @@ def run(
 
     plan = check_deployment(find_file(deployment), overrides(settings), name)
     host = chosen_host(plan.hosts, host)
-    if plan.insecure and (plan.addresses or plan.controls):
+    if plan.insecure:
         what = "others can read ports and order tasks about without keys"
         _print_event(f"warning: {what}, as the file says (insecure: true)")
     raise typer.Exit(Supervisor(plan, _print_event, host).run(seconds))

@@ -64,6 +64,14 @@ def test_secret_keys_are_readable_by_their_owner_alone(keyed: Any) -> None:
     assert stat.S_IMODE(mode) == 0o600
 
 
+def test_keys_stay_in_their_folder(keyed: Any) -> None:
+    done = keyed.sonar("keys", "new", "../elsewhere")
+    assert (done.returncode, "name of keys must be letters" in done.stderr) == (2, True)
+    assert not (keyed.folder / "elsewhere.key").exists()
+    own = [Path(file).stem for file in keyed.json("keys", "list")["own"]]
+    assert own == ["topside", "vehicle"]
+
+
 def test_keys_are_never_overwritten(keyed: Any) -> None:
     done = keyed.sonar("keys", "new", "vehicle")
     assert (done.returncode, "there are keys of that name" in done.stderr) == (2, True)
@@ -126,3 +134,6 @@ def test_an_open_address_is_taken_when_the_file_says_insecure(graph: Any, tmp_pa
     text = TWO.replace("PORT, key: vehicle.key", "7800").replace("127.0.0.1, port: 7800", "10.0.0.5, port: 7800")
     plan = check_deployment(graph.write(text.replace("version: 1", "version: 1\n    insecure: true")))
     assert plan.addresses == {"pose.pose_samples": "tcp://10.0.0.5:7800"}
+    assert plan.insecure
+    loopback = TWO.replace("PORT", "7800").replace("version: 1", "version: 1\n    insecure: true")
+    assert not check_deployment(graph.write(loopback)).insecure  # nobody can reach it: no reason to warn

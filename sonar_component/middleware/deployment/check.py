@@ -85,7 +85,7 @@ class _Checker:
         restart = {task.process: self._restart(task) for task in tasks}
         clock = dict(self.file.clock)
         file = str(Path(self.document.file).resolve())
-        return Plan(name, file, tasks, connections, clock, restart, addresses, controls, hosts, self.file.insecure)
+        return Plan(name, file, tasks, connections, clock, restart, addresses, controls, hosts, self._is_open())
 
     def _addresses(self, tasks: list[TaskPlan], connections: list[ConnectionPlan]) -> dict[str, str]:
         """TCP addresses of the ports that are read from another host, counted from the host's first port."""
@@ -135,6 +135,10 @@ class _Checker:
     def _may_open(self, name: str) -> bool:
         host = self.file.hosts[name]
         return host.is_loopback or host.key is not None or self.file.insecure
+
+    def _is_open(self) -> bool:
+        """Whether others can read and ask without keys: what the file allows, and an address that they can reach."""
+        return self.file.insecure and any(h.key is None and not h.is_loopback for h in self.file.hosts.values())
 
     def _guarded(self, name: str) -> None:
         """An address that others can reach needs a key, or a word that none is wanted."""

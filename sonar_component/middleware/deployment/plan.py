@@ -46,7 +46,7 @@ class RestartPlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked deployment.
+    """A checked deployment; ``insecure`` where others can reach it without keys.
 
     Attributes
     ----------

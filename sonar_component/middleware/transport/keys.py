@@ -20,6 +20,7 @@ import zmq
 import zmq.auth
 from zmq.auth.thread import ThreadAuthenticator
 
+from sonar_component.middleware.rundir import is_name
 from sonar_component.middleware.transport.sockets import Socket
 from sonar_component.settings.errors import SettingsError
 
@@ -38,8 +39,10 @@ def new_keys(name: str) -> Path:
     Raises
     ------
     SettingsError
-        If there are keys of that name, which others may rely on.
+        If there are keys of that name, which others may rely on, or it is no name, such as a path.
     """
+    if not is_name(name):
+        raise SettingsError(f"name of keys must be letters, digits, _ and -, from a letter on; got {name!r}")
     folder = key_folder()
     if (folder / f"{name}.key_secret").exists():
         raise SettingsError(f"there are keys of that name; remove {name}.key and {name}.key_secret first", str(folder))
