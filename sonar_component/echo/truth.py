@@ -77,10 +77,11 @@ def _strongest(
                 whole = solid_angle[c, row] * share[entry]
                 if r <= 0 or whole <= 0:
                     continue
-                low, high = r - extents[c, row] / 2, r + extents[c, row] / 2
+                span = min(extents[c, row] / r, 1.0)  # as in binning.py: the inverse of the range is linear
+                low, high = r / (1 + span / 2), r / (1 - span / 2)
                 for k in range(max(0, int(low / bin_length)), min(bins - 1, int(high / bin_length)) + 1):
                     near, far = max(low, k * bin_length), min(high, (k + 1) * bin_length)
-                    part = whole * (far - near) / (high - low) if high > low else whole
+                    part = whole * (1 / near - 1 / far) / (1 / low - 1 / high) if high > low else whole
                     if part > best[beam, k]:
                         best[beam, k] = part
                         elevation[beam, k] = elevations[c, row]

@@ -110,14 +110,14 @@ class FanImager:
         if self._due > 0 and geometry == self._planned_for:
             self._due -= 1
             return
-        start = self._level if geometry == self._planned_for else START
+        in_use = self._level if geometry == self._planned_for else None
         self._planned_for, self._due = geometry, _LOOK_AGAIN
         poses = self._plan_poses(X_WS)
         self._level, self.estimated_error = choose_level(
             lambda level: np.concatenate([self._image(world, X, self._table(level), mean=False) for X in poses]),
             self._settings.accuracy,
             highest_level(self.beams),
-            start,
+            in_use,
         )
         if self.estimated_error == 0.0:  # nothing was seen, which is no reason to look less closely
             self._level = min(START, highest_level(self.beams))
@@ -168,7 +168,7 @@ class FanImager:
         return [
             f"{layout.columns} x {layout.rows} samples in {len(layout.views)} views: {per_beam:.1f} columns per beam",
             f"estimated energy error {self.estimated_error:.4f} for accuracy {s.accuracy:g}, "
-            "from the difference to the next finer samples of this scene",
+            "from the difference to finer samples of this scene",
             f"samples become bins on the {'graphics card' if self._on_gpu else 'CPU'}: "
             f"the driver draws on the {'CPU' if self._software else 'card'}",
         ]
@@ -230,7 +230,7 @@ class FanImager:
         self._renderer.geometry.update(world)
         target = self._renderer.draw(X_WS, tables.layout, optics)
         self._greatest = strength_max(optics, self._renderer.geometry.reflectance_max)
-        return target, Scale(s.bin_count, s.range, s.min_range, self._greatest, mean)
+        return target, Scale(s.bin_count, s.range, s.min_range, self._greatest, mean, linear=optics.sigmoid is None)
 
     @property
     def _on_gpu(self) -> bool:

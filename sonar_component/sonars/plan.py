@@ -1,8 +1,8 @@
 """How many samples a fan needs for the accuracy that was asked for: measured on the scene itself, not guessed.
 
 The error of an image depends on what is in it: a flat floor is exact at once, a wreck with ribs and shadow edges needs
-more. So the planner renders the scene on two neighbouring levels of a ladder and takes their difference as the error of
-the coarser one, going up or down until the cheapest level that meets the target is found. It looks when settings or
+more. So the planner renders the scene on two levels of a ladder and takes their difference as the error of the coarser
+one, going up or down until the cheapest level that meets the target is found. It looks when settings or
 geometry change and now and then while running. A formula of beams, bins and aperture alone lost: between the standard
 scenes the same samples differ five times in error.
 """
@@ -17,11 +17,16 @@ from numpy.typing import NDArray
 
 from sonar_component.echo.beams import BeamTable
 
-# Columns per beam and rows per 20 deg of aperture; each level has about twice the samples of the one before.
-LADDER = ((1, 24), (2, 32), (3, 48), (4, 64), (6, 96), (8, 128), (12, 192), (16, 256), (24, 384))
-START = 3  # [level]
-_COARSER = 1.2  # [-], error of a level relative to its difference from the next: 1.05 to 1.3 on scenes with a reference
-_SLACK = 0.5  # [-], of the target: going down a level must leave this much room, or the choice would flicker
+# Columns per beam and rows per 20 deg of aperture; each level has about 1.4 times the samples of the one before.
+LADDER = (
+    (1, 16), (1, 22), (2, 27), (2, 33), (2, 40), (3, 44), (3, 50), (4, 56), (4, 64), (5, 80), (6, 96), (7, 112), (8, 128),
+    (10, 160), (12, 192), (14, 224), (16, 256), (20, 320), (24, 384),
+)  # fmt: skip
+START = 7  # [level]
+_FINER = 3  # [levels], of the image that a level is compared with: neighbours share too much of their error
+_COARSER = 1.15  # [-], error of a level relative to that difference: 1.0 to 1.2 on scenes with a reference
+_GAIN = 0.7  # [-], least part of the error that the next level leaves: usually 0.77
+_SLACK = 0.8  # [-], of the target: leaving a level that is in use for a lower one needs this much room
 _WIDEST = np.radians(2.0)  # [rad], of a column with one column per beam: keeps footprints local in wide beams
 _MOST_SAMPLES = 4_000_000  # [-], 32 MB of target
 _MOST_COLUMNS = 15_000  # [-], of the 16384 that every OpenGL 4.3 has: flat views need up to 6 % more than angles say
@@ -68,7 +73,7 @@ def highest_level(beams: BeamTable) -> int:
 
 
 def choose_level(
-    energy_image: Callable[[int], NDArray[np.float32]], accuracy: float, highest: int, start: int = START
+    energy_image: Callable[[int], NDArray[np.float32]], accuracy: float, highest: int, in_use: int | None = None
 ) -> tuple[int, float]:
     """The coarsest level that meets a target, and its estimated energy error [-]; NaN where there is but one level.
 
@@ -79,33 +84,38 @@ def choose_level(
         Target [-].
     highest : int
         Level to stop at, met or not.
-    start : int
-        Level to begin with.
+    in_use : int, optional
+        Level of the images before: kept while it meets the target and the one below does not by far.
     """
-    images: dict[int, NDArray[np.float32]] = {}
-
-    def estimate(level: int) -> float:
-        for wanted in (level, level + 1):
-            if wanted not in images:
-                images[wanted] = energy_image(wanted)
-        finer = float(np.linalg.norm(images[level + 1]))
-        return _COARSER * float(np.linalg.norm(images[level + 1] - images[level])) / finer if finer > 0 else 0.0
-
     if highest == 0:
         return 0, float("nan")
-    level = min(start, highest - 1)
+    images: dict[int, NDArray[np.float32]] = {}
+
+    def image(level: int) -> NDArray[np.float32]:
+        if level not in images:
+            images[level] = energy_image(level)
+        return images[level]
+
+    def estimate(level: int) -> float:
+        if level == highest:  # it has no finer one to be compared with: what the ladder promises
+            coarser = max(level - _FINER, 0)
+            return estimate(coarser) * float((_GAIN + 0.07) ** (level - coarser))
+        finer = image(min(level + _FINER, highest))
+        norm = float(np.linalg.norm(finer))
+        return _COARSER * float(np.linalg.norm(finer - image(level))) / norm if norm > 0 else 0.0
+
+    level = min(START if in_use is None else in_use, highest)
     error = estimate(level)
-    if error <= accuracy:
-        while level > 0:
-            lower = estimate(level - 1)
-            if lower > _SLACK * accuracy:
-                break
-            level, error = level - 1, lower
-        return level, error
-    while error > accuracy and level < highest - 1:
-        level += 1
-        error = estimate(level)
     if error > accuracy:
-        # The finest level has no finer neighbour: half of the difference is what the ladder promises.
-        return highest, error / 2
+        while error > accuracy and level < highest:
+            # Never so far that a level between might have been enough.
+            level = min(level + max(1, int(np.log(accuracy / error) / np.log(_GAIN))), highest)
+            error = estimate(level)
+        return level, error
+    room = accuracy if in_use is None else _SLACK * accuracy
+    while level > 0:
+        lower = estimate(level - 1)
+        if lower > room:
+            break
+        level, error = level - 1, lower
     return level, error

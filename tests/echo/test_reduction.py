@@ -69,9 +69,10 @@ def fan(context: Any) -> Iterator[Fan]:
 
 
 @pytest.mark.parametrize("bins", [1, 2, 399, 513, 1500])
-def test_energies_are_those_of_the_plain_loop(reduction: GpuReduction, fan: Fan, bins: int) -> None:
-    weight, energy = binning.sums(fan.pixels, fan.layout, fan.assignment, BEAMS, bins, RANGE)
-    made = fan.on_gpu(reduction, Scale(bins, RANGE, mean=False))
+@pytest.mark.parametrize("linear", [True, False])
+def test_energies_are_those_of_the_plain_loop(reduction: GpuReduction, fan: Fan, bins: int, linear: bool) -> None:
+    weight, energy = binning.sums(fan.pixels, fan.layout, fan.assignment, BEAMS, bins, RANGE, linear=linear)
+    made = fan.on_gpu(reduction, Scale(bins, RANGE, mean=False, linear=linear))
     lit = weight > 2 * EMPTY * fan.whole[:, None]  # beside the threshold rounding decides
     # One unit of 2^-31 for each of the 70 samples of a beam is nothing beside how float32 places edges.
     np.testing.assert_allclose(made[lit], (energy / fan.whole[:, None])[lit], rtol=1e-5, atol=PLACED)

@@ -40,11 +40,14 @@ def test_each_lit_bin_names_the_sample_that_gives_it_most() -> None:
             for column in range(3 * beam, 3 * beam + 3):
                 for row in range(ROWS):
                     sample = texels.unpack(words[column, row], RANGE, 1.0)
-                    low, high = sample.range - sample.extent / 2, sample.range + sample.extent / 2
-                    covered = min(high, (k + 1) * DR) - max(low, k * DR)
-                    if sample.range > 0 and covered > 0:
+                    if not sample.range > 0:
+                        continue
+                    half = min(sample.extent / sample.range, 1.0) / 2
+                    low, high = sample.range / (1 + half), sample.range / (1 - half)
+                    near, far = max(low, k * DR), min(high, (k + 1) * DR)
+                    if far > near:  # of equal parts in the inverse of the range
                         whole = layout.solid_angle[column, row] * share[column]
-                        parts[column, row] = (whole * covered / (high - low), max(low, k * DR), min(high, (k + 1) * DR))
+                        parts[column, row] = (whole * (1 / near - 1 / far) / (1 / low - 1 / high), near, far)
             if not parts or k < 4:  # bins below min_range are empty
                 assert truth.object_id[beam, k] == 0
                 assert np.isnan(truth.elevation[beam, k])

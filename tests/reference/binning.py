@@ -8,13 +8,14 @@ import numpy as np
 
 from tests.reference.texels import unpack
 
-LEAST = 1e-3  # [bins], least span of a sample in range, as both implementations state it
-EMPTY = 3e-6  # [-], of the beam's solid angle, below which a bin counts as empty
+LEAST = 2e-6  # [-], least span of a sample relative to its range, as both implementations state it
+PART = 1e-3  # [-], least part of a cell that the edge of the aperture leaves
+EMPTY = 1e-6  # [-], of the beam's solid angle, below which a bin counts as empty
 
 
 def sums(
     pixels: np.ndarray, layout: Any, assignment: Any, beams: int, bins: int, range_max: float, min_range: float = 0.0,
-    strength_max: float = 1.0,
+    strength_max: float = 1.0, linear: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Solid angle [sr] and solid angle times strength [sr] in each bin, (beams, bins) float64 each."""
     weight, energy = np.zeros((beams, bins)), np.zeros((beams, bins))
@@ -26,13 +27,16 @@ def sums(
                 if not sample.range > 0:
                     continue
                 solid_angle = float(layout.solid_angle[column, row]) * float(assignment.share[entry])
-                low, high = _span(sample, layout, column, row, range_max / bins)
-                for k in range(max(0, int(np.floor(low))), min(bins, int(high) + 1)):
+                near, far = _span(sample, layout, column, row, range_max / bins)
+                for k in range(max(0, int(1 / near) - 1), min(bins, int(1 / far) + 1)):
                     if k * range_max / bins < min_range * (1 - 1e-9):
                         continue
-                    part = solid_angle * max(0.0, min(high, k + 1) - max(low, k)) / (high - low)
+                    begin, end = min(near, 1 / k if k else np.inf), max(far, 1 / (k + 1))
+                    part = solid_angle * max(0.0, begin - end) / (near - far)
                     weight[beam, k] += part
-                    energy[beam, k] += part * sample.strength
+                    # The cosine of incidence on a plane is its distance over the range.
+                    middle = range_max / bins / sample.range
+                    energy[beam, k] += part * sample.strength * ((begin + end) / 2 / middle if linear else 1.0)
     return weight, energy
 
 
@@ -43,10 +47,12 @@ def image(weight: np.ndarray, energy: np.ndarray, beam_solid_angle: np.ndarray, 
 
 
 def _span(sample: Any, layout: Any, column: int, row: int, bin_length: float) -> tuple[float, float]:
-    """Ranges that the part of the cell inside the aperture covers [bins]."""
-    extent = max(sample.extent / bin_length, LEAST)
-    low = (sample.range - sample.extent / 2) / bin_length
+    """Inverse ranges between which the part of the cell inside the aperture lies, near and far end [1/bin]."""
+    inverse = bin_length / sample.range  # linear over a plane
+    span = min(sample.extent / sample.range, 1.0)
+    near = inverse * (1 + span / 2)
+    span = inverse * max(span, LEAST)
     below = float(layout.first_clip[column]) if row == layout.first_row[column] else 0.0
     above = float(layout.last_clip[column]) if row == layout.last_row[column] else 0.0
-    near, far = (above, below) if sample.falling else (below, above)
-    return low + near * extent, low + max(1 - far, near + LEAST) * extent
+    start, end = (above, below) if sample.falling else (below, above)
+    return near - start * span, near - max(1 - end, start + PART) * span

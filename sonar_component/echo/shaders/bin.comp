@@ -25,8 +25,10 @@ uniform int lowest_bin;
 uniform int rows;
 uniform float bins_per_metre;
 uniform float range_max;     // [m]
+uniform bool linear;         // strengths are linear in the cosine of incidence
 
-const float LEAST = 1e-3;    // [bins], least span of a sample in range, beyond it: an edge belongs to the farther bin
+const float LEAST = 2e-6;    // [-], least span of a sample relative to its range, beyond it: edges are of the farther bin
+const float PART = 1e-3;     // [-], least part of a cell that the edge of the aperture leaves
 
 void main() {
     uint row = gl_GlobalInvocationID.x;
@@ -35,26 +37,30 @@ void main() {
     uvec2 texel = texelFetch(samples, ivec2(row, entry.column), 0).xy;
     float range = uintBitsToFloat(texel.x);
     if (!(range > 0.0)) return;
+    // Ends of the span as inverse ranges [1/bin], which are linear over a plane: see echo/binning.py.
+    float inverse = 1.0 / (range * bins_per_metre);
     float root = float((texel.y >> 16) & 0x7FFFu) / 32767.0;
-    float extent = root * root * range_max * bins_per_metre;
-    float low = range * bins_per_metre - 0.5 * extent;
-    extent = max(extent, LEAST);
-    float high = low + extent;
+    float span = min(root * root * range_max * bins_per_metre * inverse, 1.0);
+    float near = inverse + 0.5 * span * inverse;
+    float far = near - max(span, LEAST) * inverse;
     float below = row == entry.first_row ? entry.first_clip : 0.0;
     float above = row == entry.last_row ? entry.last_clip : 0.0;
     bool falling = (texel.y & 0x80000000u) != 0u;
-    low += (falling ? above : below) * extent;
-    high -= (falling ? below : above) * extent;
-    high = max(high, low + LEAST * extent);
+    span = near - far;
+    near -= (falling ? above : below) * span;
+    far += min(falling ? below : above, 1.0 - PART - (falling ? above : below)) * span;
+    float low = 1.0 / near, high = 1.0 / far;
     if (low >= float(bin_count) || high < float(lowest_bin)) return;
     root = float(texel.y & 0xFFFFu) / 65535.0;
     float strength = root * root;  // relative to the greatest
-    float density = solid_angle[entry.column * uint(rows) + row] * entry.scale / (high - low);
+    float density = solid_angle[entry.column * uint(rows) + row] * entry.scale / (near - far);
     int k_last = min(int(high), bin_count - 1);
-    for (int k = max(int(floor(low)), lowest_bin); k <= k_last; ++k) {
-        float weight = density * (min(high, float(k + 1)) - max(low, float(k)));
+    for (int k = max(int(low), lowest_bin); k <= k_last; ++k) {
+        float begin = k > 0 ? min(near, 1.0 / float(k)) : near, end = max(far, 1.0 / float(k + 1));
+        float weight = density * max(begin - end, 0.0);
+        float part = linear ? strength * 0.5 * (begin + end) / inverse : strength;
         uint place = 2u * (entry.beam * uint(bin_count) + uint(k));
         atomicAdd(sums[place], uint(weight + 0.5));
-        atomicAdd(sums[place + 1u], uint(weight * strength + 0.5));
+        atomicAdd(sums[place + 1u], uint(weight * part + 0.5));
     }
 }

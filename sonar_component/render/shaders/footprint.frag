@@ -90,14 +90,17 @@ void main() {
 #ifdef SIGMOID
     strength = 1.0 / (1.0 + exp(-sigmoid_slope * (strength - sigmoid_centre)));
 #endif
-    float along = dFdx(range);   // x of the target is elevation
-    float across = dFdy(range) + shear * along;  // columns are sheared against each other
+    // Over a plane the inverse of the range is linear in the target's coordinates, as depth is: differences of it are
+    // exact, those of the range itself would be of the middle between two cells.
+    float along = -range * range * dFdx(inverse_range);  // x of the target is elevation
+    float across = -range * range * dFdy(inverse_range) + shear * along;  // columns are sheared against each other
     // Cells that touch along one direction then abut in range; in between the extent keeps its variance.
     float extent = sqrt(across * across + along * along);
-    // On a limb the surface turns away within the cell, and the facet that the cell's centre hit would reach far beyond
-    // the edge: the mean cosine of the surface's part in the cell, not the facet's own, then says how long it is.
+    // A facet seen on edge would reach far beyond the limb that it is part of. The surface turns away within the cell, so
+    // its mean cosine there is some part of that turn. A tenth bounds the reach; more would leave slivers of crests
+    // empty (rolling terrain at an energy error of 0.013: 1.1 % of the bins with the whole, 0.6 % with this).
     float facing = abs(dot(plane, p_S)) * inverse_range * inversesqrt(dot(plane, plane));
-    float turn = 0.5 * (abs(dFdx(cosine)) + abs(dFdy(cosine)));
+    float turn = 0.05 * (abs(dFdx(cosine)) + abs(dFdy(cosine)));
     extent *= facing / max(max(facing, turn), 1e-9);
     uint strength_bits = uint(sqrt(clamp(strength / strength_max, 0.0, 1.0)) * 65535.0 + 0.5);
     uint extent_bits = uint(sqrt(clamp(extent / range_max, 0.0, 1.0)) * 32767.0 + 0.5);
