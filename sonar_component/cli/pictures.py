@@ -36,6 +36,8 @@ def snapshot(
     seconds: float | None = typer.Option(None, min=0.0, help="Of a scanning sonar: gather beams so long, not a turn."),
     timeout: float = typer.Option(5.0, min=0.0, help="Seconds to wait for the first image."),
     instance: str | None = typer.Option(None, help="Which instance, where several run."),
+    deployment: Path | None = typer.Option(None, metavar="FILE", help="Reach tasks of this deployment's other hosts."),
+    key: str | None = typer.Option(None, metavar="NAME", help="Which of our pairs of keys to show to another host."),
     as_json: bool = typer.Option(False, "--json", help="Say in JSON what was written."),
 ) -> None:
     """Write the next image of a port as a PNG file; of a scanning sonar, its next turn."""
@@ -43,7 +45,7 @@ def snapshot(
         raise SettingsError(f"--out must end in .png, got {str(out)!r}")
     if not out.absolute().parent.is_dir():
         raise SettingsError(f"--out: there is no folder {out.parent}")
-    image = _receive(port, timeout, instance, seconds)
+    image = _receive(port, timeout, {"instance": instance, "deployment": deployment, "keys": key}, seconds)
     try:
         facts = _write(image, out, port, kind, colour_map, scale, dynamic_range, gain)
     except OSError as error:
@@ -51,12 +53,12 @@ def snapshot(
     print(json.dumps(facts) if as_json else f"{facts['file']}: {facts['shows']}")
 
 
-def _receive(port: str, timeout: float, instance: str | None, seconds: float | None) -> Sonar | Frame:
+def _receive(port: str, timeout: float, where: dict[str, Any], seconds: float | None) -> Sonar | Frame:
     """The next image; single beams are gathered into a turn."""
     from sonar_component.middleware.client import connect
     from sonar_component.samples import Frame, Sonar
 
-    with connect(port, timeout=timeout, instance=instance, policy="circular_buffer", size=256) as reader:
+    with connect(port, timeout=timeout, policy="circular_buffer", size=256, **where) as reader:
         if reader.type_name not in (Sonar.__name__, Frame.__name__):
             raise SettingsError(f"{port} sends {reader.type_name}; a picture needs Sonar or Frame")
         try:

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from sonar_component.middleware.operations import operation
     from sonar_component.middleware.policy import FlowStatus, Policy, WriteStatus
     from sonar_component.middleware.ports import InputPort, InvalidSampleError, OutputPort
+    from sonar_component.middleware.proxy import TaskProxy
+    from sonar_component.middleware.reader import PortReader
     from sonar_component.middleware.task import NoProperties, Periodic, PortDriven, Slave, Task
+    from sonar_component.middleware.writer import PortWriter
 
 _PLACES = {
     "client": ("connect", "connect_task"),
@@ -23,12 +26,16 @@ _PLACES = {
     "operations": ("operation",),
     "policy": ("FlowStatus", "Policy", "WriteStatus"),
     "ports": ("InputPort", "InvalidSampleError", "OutputPort"),
+    "proxy": ("TaskProxy",),
+    "reader": ("PortReader",),
     "task": ("NoProperties", "Periodic", "PortDriven", "Slave", "Task"),
+    "writer": ("PortWriter",),
 }
 
 __all__ = [
     "FlowStatus", "InputPort", "InvalidSampleError", "NoProperties", "OutputPort", "Periodic", "Policy", "PortDriven",
-    "Slave", "Task", "WriteStatus", "connect", "connect_task", "operation", "run_once",
+    "PortReader", "PortWriter", "Slave", "Task", "TaskProxy", "WriteStatus", "connect", "connect_task", "operation",
+    "run_once",
 ]  # fmt: skip
 
 

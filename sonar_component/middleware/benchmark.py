@@ -16,9 +16,9 @@ import numpy as np
 import zmq
 
 from sonar_component.middleware.client import connect
-from sonar_component.middleware.load import processor_time
 from sonar_component.middleware.policy import Policy
 from sonar_component.middleware.ports import OutputPort
+from sonar_component.middleware.proc import processor_time
 from sonar_component.middleware.transport.transport import Transport
 from sonar_component.samples import RigidBodyState, Sonar
 

@@ -17,7 +17,7 @@ from typing import IO, Any
 
 from sonar_component.middleware.deployment.plan import RestartPlan
 from sonar_component.middleware.ladder import Ladder
-from sonar_component.middleware.load import processor_time
+from sonar_component.middleware.proc import processor_time
 from sonar_component.middleware.process_log import ProcessLog
 
 _STARTUP = 60.0  # [s] without a sign of life that imports, configuration and a first cycle that compiles may take

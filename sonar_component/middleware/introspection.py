@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
@@ -10,6 +12,7 @@ from sonar_component.middleware.guests import Guests
 from sonar_component.middleware.lifecycle import Command, State
 from sonar_component.middleware.lockstep import Stepper
 from sonar_component.middleware.operations import call, operations_of
+from sonar_component.middleware.proc import resident
 from sonar_component.middleware.runner import Runner
 from sonar_component.middleware.task import Task
 from sonar_component.middleware.transport.control import ControlServer
@@ -69,6 +72,7 @@ class Introspection:
             **state_of(task),
             "type": type(task).__name__,
             "counters": dict(vars(task.counters)),
+            "process": {"processor_time": time.process_time(), "memory": resident(os.getpid())},
             "properties": properties_of(task),
             "operations": operations_of(type(task)),
             "inputs": {name: self._input(port) for name, port in task.inputs.items()},

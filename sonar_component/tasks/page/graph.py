@@ -7,8 +7,8 @@ import os
 import threading
 from typing import Any
 
-from sonar_component.middleware.client import TaskProxy
 from sonar_component.middleware.introspection import properties_of, state_of
+from sonar_component.middleware.proxy import TaskProxy
 from sonar_component.middleware.rundir import Instance, instances
 from sonar_component.middleware.task import Task
 
