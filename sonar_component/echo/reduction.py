@@ -74,7 +74,7 @@ class GpuReduction:
         per_metre = scale.bin_count / scale.range_max
         set_uniforms(
             self._bin, samples=0, bin_count=scale.bin_count, rows=layout.rows, bins_per_metre=per_metre,
-            range_max=scale.range_max, linear=scale.linear, lowest_bin=int(np.ceil(scale.min_range * per_metre - 1e-6)),
+            linear=scale.linear, lowest_bin=int(np.ceil(scale.min_range * per_metre - 1e-6)),
         )  # fmt: skip
         entries = len(assignment.column)
         wide = min(max(entries, 1), _MAX_GROUPS)

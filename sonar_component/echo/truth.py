@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.echo.assignment import Assignment
-from sonar_component.echo.binning import Scale
+from sonar_component.echo.binning import MOST, Scale
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ def strongest_samples(
     elevation, distance = np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)
     object_id = np.zeros(shape, np.int32)
     ranges = np.ascontiguousarray(pixels[:, :, 0]).view(np.float32)
-    extents = np.sqrt((pixels[:, :, 1] >> 16 & 0x7FFF) / 32767.0, dtype=np.float64) ** 4 * scale.range_max
+    spans = ((pixels[:, :, 1] >> 16 & 0x7FFF) / 32767.0) ** 2 * MOST
     _strongest(
-        ranges, extents, pixels[:, :, 2], layout.elevations(), layout.solid_angle, assignment.start,
+        ranges, spans, pixels[:, :, 2], layout.elevations(), layout.solid_angle, assignment.start,
         assignment.column, assignment.share, scale.range_max / scale.bin_count, best, elevation, distance, object_id,
     )  # fmt: skip
     empty = weight <= 0
@@ -65,7 +65,7 @@ def strongest_samples(
 
 @numba.njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
 def _strongest(
-    ranges: Any, extents: Any, ids: Any, elevations: Any, solid_angle: Any, start: Any, column: Any, share: Any,
+    ranges: Any, spans: Any, ids: Any, elevations: Any, solid_angle: Any, start: Any, column: Any, share: Any,
     bin_length: float, best: Any, elevation: Any, distance: Any, object_id: Any,
 ) -> None:  # fmt: skip
     beams, bins = best.shape
@@ -77,7 +77,7 @@ def _strongest(
                 whole = solid_angle[c, row] * share[entry]
                 if r <= 0 or whole <= 0:
                     continue
-                span = min(extents[c, row] / r, 1.0)  # as in binning.py: the inverse of the range is linear
+                span = spans[c, row]  # as in binning.py: the inverse of the range is linear
                 low, high = r / (1 + span / 2), r / (1 - span / 2)
                 for k in range(max(0, int(low / bin_length)), min(bins - 1, int(high / bin_length)) + 1):
                     near, far = max(low, k * bin_length), min(high, (k + 1) * bin_length)

@@ -17,7 +17,9 @@ from sonar_component.render.packing import instance_format
 Array = NDArray[np.float64]
 
 _NEAREST = 1 / 2000  # [-], of the range: depth of 24 bits then parts surfaces that lie 1e-4 of it behind each other
-_DRAWN_BEYOND = 1.25  # [-], of the range: a cell whose centre lies beyond the last bin may still reach into it
+# [-], of the range: a cell whose centre lies beyond the last bin may still reach into it, from twice as far on a floor
+# just below the horizon. A tile of a terrain that begins so far away spans few cells, and the more of them cost.
+_DRAWN_BEYOND, _TILES_BEYOND = 2.0, 1.25
 _CLIP_DISTANCE_0 = 0x3000  # GL_CLIP_DISTANCE0, which moderngl does not name
 _NORMAL_UNIT, _REFLECTANCE_UNIT = 0, 1  # where the pictures are bound
 _PICTURES = {"NORMAL_MAP", "REFLECTANCE_MAP"}
@@ -83,7 +85,7 @@ class FootprintRenderer:
         if self.geometry.empty:
             return target
         view = layout.views[0]
-        near, far = near_plane(optics), _DRAWN_BEYOND * optics.range_max
+        near, far = near_plane(optics), _TILES_BEYOND * optics.range_max
         sight = Sight(layout.azimuths, view.half_width, view.y_step * view.rows / 2, near, far)
         X_SM = self.geometry.place(X_WS)
         draws = choose(self.geometry.packed, X_SM, sight)
@@ -163,7 +165,7 @@ class FootprintRenderer:
             program.array, program.generation = self._bind(program.program, defines), self.geometry.generation
         if program.layout is not layout or program.optics != optics:
             program.layout, program.optics = layout, optics
-            set_uniforms(program.program, shear=layout.views[0].shear, range_max=optics.range_max)
+            set_uniforms(program.program, shear=layout.views[0].shear)
             self._set_features(program.program, layout, optics, defines)
         # Reflectances may have changed with the world.
         set_uniforms(program.program, strength_max=strength_max(optics, self.geometry.reflectance_max))

@@ -19,8 +19,8 @@ from sonar_component.echo.beams import BeamTable
 
 # Columns per beam and rows per 20 deg of aperture; each level has about 1.4 times the samples of the one before.
 LADDER = (
-    (1, 16), (1, 22), (2, 27), (2, 33), (2, 40), (3, 44), (3, 50), (4, 56), (4, 64), (5, 80), (6, 96), (7, 112), (8, 128),
-    (10, 160), (12, 192), (14, 224), (16, 256), (20, 320), (24, 384),
+    (1, 16), (1, 22), (2, 27), (2, 33), (2, 40), (3, 44), (3, 50), (4, 56), (4, 64), (5, 80), (6, 96), (7, 112),
+    (8, 128), (10, 160), (12, 192), (14, 224), (16, 256), (20, 320), (24, 384),
 )  # fmt: skip
 START = 7  # [level]
 _FINER = 3  # [levels], of the image that a level is compared with: neighbours share too much of their error

@@ -44,7 +44,7 @@ class Fan:
         self.whole = np.add.reduceat(per_entry, start[:-1]).astype(np.float64)
         ranges = np.maximum(rng.uniform(-3, 1.2 * RANGE, (columns, rows)), 0)
         extents, falling = 10.0 ** rng.uniform(-3, 1.5, ranges.shape), rng.random(ranges.shape) < 0.5
-        self.pixels = texels.pack(ranges, extents, rng.random(ranges.shape), falling, RANGE, 1.0)
+        self.pixels = texels.pack(ranges, extents, rng.random(ranges.shape), falling, 1.0)
         self.texture = context.texture((rows, columns), 2, self.pixels.tobytes(), dtype="u4")
 
     def on_gpu(self, reduction: GpuReduction, scale: Scale) -> np.ndarray:
@@ -124,9 +124,7 @@ def test_more_beams_than_one_direction_of_work_groups_holds(context: Any, reduct
         first_clip=np.zeros(1, np.float32), last_clip=np.zeros(1, np.float32),
     )  # fmt: skip
     assignment = Assignment(np.arange(entries + 1), np.zeros(entries, np.int32), np.ones(entries, np.float32))
-    texture = context.texture(
-        (rows, 1), 2, texels.pack([[10.5, 20.5]], 0.1, 0.5, False, RANGE, 1.0).tobytes(), dtype="u4"
-    )
+    texture = context.texture((rows, 1), 2, texels.pack([[10.5, 20.5]], 0.1, 0.5, False, 1.0).tobytes(), dtype="u4")
     made = reduction.bins(texture, layout, assignment, np.ones(entries), Scale(30, RANGE, mean=False))
     expected = np.zeros(30)
     expected[[10, 20]] = 0.25

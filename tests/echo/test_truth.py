@@ -28,7 +28,7 @@ def test_each_lit_bin_names_the_sample_that_gives_it_most() -> None:
     assignment = Assignment(np.arange(BEAMS + 1) * 3, np.arange(COLUMNS, dtype=np.int32), share)
     ranges = np.maximum(rng.uniform(-3, 1.1 * RANGE, (COLUMNS, ROWS)), 0)
     ids = rng.integers(1, 9, ranges.shape).astype(np.uint32)
-    words = texels.pack(ranges, 10.0 ** rng.uniform(-2, 0.7, ranges.shape), 0.5, False, RANGE, 1.0)
+    words = texels.pack(ranges, 10.0 ** rng.uniform(-2, 0.7, ranges.shape), 0.5, False, 1.0)
     pixels = np.concatenate([words, ids[:, :, None], np.zeros_like(ids)[:, :, None]], axis=2)
     scale = Scale(BINS, RANGE, min_range=2.0)
     _, weight = bin_footprints(pixels, layout, assignment, np.full(BEAMS, 0.2), scale, want_weight=True)
@@ -39,10 +39,10 @@ def test_each_lit_bin_names_the_sample_that_gives_it_most() -> None:
             parts = {}
             for column in range(3 * beam, 3 * beam + 3):
                 for row in range(ROWS):
-                    sample = texels.unpack(words[column, row], RANGE, 1.0)
+                    sample = texels.unpack(words[column, row], 1.0)
                     if not sample.range > 0:
                         continue
-                    half = min(sample.extent / sample.range, 1.0) / 2
+                    half = sample.extent / sample.range / 2
                     low, high = sample.range / (1 + half), sample.range / (1 - half)
                     near, far = max(low, k * DR), min(high, (k + 1) * DR)
                     if far > near:  # of equal parts in the inverse of the range

@@ -23,7 +23,7 @@ def sums(
         for entry in range(assignment.start[beam], assignment.start[beam + 1]):
             column = int(assignment.column[entry])
             for row in range(layout.first_row[column], layout.last_row[column] + 1):
-                sample = unpack(pixels[column, row], range_max, strength_max)
+                sample = unpack(pixels[column, row], strength_max)
                 if not sample.range > 0:
                     continue
                 solid_angle = float(layout.solid_angle[column, row]) * float(assignment.share[entry])
@@ -49,7 +49,7 @@ def image(weight: np.ndarray, energy: np.ndarray, beam_solid_angle: np.ndarray, 
 def _span(sample: Any, layout: Any, column: int, row: int, bin_length: float) -> tuple[float, float]:
     """Inverse ranges between which the part of the cell inside the aperture lies, near and far end [1/bin]."""
     inverse = bin_length / sample.range  # linear over a plane
-    span = min(sample.extent / sample.range, 1.0)
+    span = sample.extent / sample.range
     near = inverse * (1 + span / 2)
     span = inverse * max(span, LEAST)
     below = float(layout.first_clip[column]) if row == layout.first_row[column] else 0.0

@@ -46,7 +46,7 @@ def draw(renderer: FootprintRenderer) -> Draw:
         renderer.draw(X_WS, layout, optics)
         pixels = renderer.read().copy()
         strength, ranges = decode(pixels, strength_max(optics, renderer.geometry.reflectance_max))
-        extents = ((pixels[:, :, 1] >> 16 & 0x7FFF) / 32767.0) ** 2 * optics.range_max
+        extents = ((pixels[:, :, 1] >> 16 & 0x7FFF) / 32767.0) ** 2 * 1.9 * ranges
         return strength, ranges, extents
 
     return draw_
@@ -139,7 +139,7 @@ def test_both_windings_answer_alike(draw: Draw) -> None:
     # The rasteriser starts from another corner: two units in the last place of a range, one of an extent's root.
     np.testing.assert_allclose(front[1], back[1], rtol=3e-7)
     np.testing.assert_allclose(front[0], back[0], atol=4e-5)
-    np.testing.assert_allclose(np.sqrt(front[2] / 30), np.sqrt(back[2] / 30), atol=2 / 32767)
+    np.testing.assert_allclose(*(np.sqrt(x[2] / np.maximum(x[1], 1) / 1.9) for x in (front, back)), atol=2 / 32767)
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])

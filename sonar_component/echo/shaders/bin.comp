@@ -24,10 +24,10 @@ uniform int bin_count;
 uniform int lowest_bin;
 uniform int rows;
 uniform float bins_per_metre;
-uniform float range_max;     // [m]
 uniform bool linear;         // strengths are linear in the cosine of incidence
 
 const float LEAST = 2e-6;    // [-], least span of a sample relative to its range, beyond it: edges are of the farther bin
+const float MOST = 1.9;      // [-], greatest span in the samples
 const float PART = 1e-3;     // [-], least part of a cell that the edge of the aperture leaves
 
 void main() {
@@ -40,7 +40,7 @@ void main() {
     // Ends of the span as inverse ranges [1/bin], which are linear over a plane: see echo/binning.py.
     float inverse = 1.0 / (range * bins_per_metre);
     float root = float((texel.y >> 16) & 0x7FFFu) / 32767.0;
-    float span = min(root * root * range_max * bins_per_metre * inverse, 1.0);
+    float span = root * root * MOST;
     float near = inverse + 0.5 * span * inverse;
     float far = near - max(span, LEAST) * inverse;
     float below = row == entry.first_row ? entry.first_clip : 0.0;

@@ -1,11 +1,10 @@
 #version 430
-// One sample: range, extent in range of the surface inside its cell, echo strength.
+// One sample: range, span of ranges of the surface inside its cell, echo strength.
 // in: p_S, n_S of the first surface hit [m, -]. Owner: render/footprints.py.
 // out.x: bits of the range as float [m]; 0 where nothing was hit.
-// out.y: bits 0-15 square root of echo strength / strength_max, bits 16-30 square root of extent / range_max,
+// out.y: bits 0-15 square root of echo strength / strength_max, bits 16-30 square root of span / MOST_SPAN,
 //        bit 31 set where the range falls with elevation. Square roots keep small values precise.
 // out.z (TRUTH): id of the body.
-uniform float range_max;      // [m], end of the last bin
 uniform float shear;          // of neighbouring columns [cells]
 uniform float strength_max;   // [-], greatest value that the strength can take
 #ifdef SIGMOID
@@ -15,6 +14,9 @@ uniform float sigmoid_centre; // [-]
 #ifdef ATTENUATION
 uniform float attenuation;    // [Np/m], one way, of the amplitude
 #endif
+
+// Of the inverse range between the ends of a cell, relative to its middle: reaches from half to 20 times its range.
+const float MOST_SPAN = 1.9;
 
 in vec3 p_S;
 in vec3 n_S;
@@ -92,20 +94,20 @@ void main() {
 #endif
     // Over a plane the inverse of the range is linear in the target's coordinates, as depth is: differences of it are
     // exact, those of the range itself would be of the middle between two cells.
-    float along = -range * range * dFdx(inverse_range);  // x of the target is elevation
-    float across = -range * range * dFdy(inverse_range) + shear * along;  // columns are sheared against each other
-    // Cells that touch along one direction then abut in range; in between the extent keeps its variance.
-    float extent = sqrt(across * across + along * along);
+    float along = -range * dFdx(inverse_range);  // x of the target is elevation
+    float across = -range * dFdy(inverse_range) + shear * along;  // columns are sheared against each other
+    // Cells that touch along one direction then abut in range; in between the span keeps its variance.
+    float span = sqrt(across * across + along * along);
     // A facet seen on edge would reach far beyond the limb that it is part of. The surface turns away within the cell, so
     // its mean cosine there is some part of that turn. A tenth bounds the reach; more would leave slivers of crests
     // empty (rolling terrain at an energy error of 0.013: 1.1 % of the bins with the whole, 0.6 % with this).
     float facing = abs(dot(plane, p_S)) * inverse_range * inversesqrt(dot(plane, plane));
     float turn = 0.05 * (abs(dFdx(cosine)) + abs(dFdy(cosine)));
-    extent *= facing / max(max(facing, turn), 1e-9);
+    span *= facing / max(max(facing, turn), 1e-9);
     uint strength_bits = uint(sqrt(clamp(strength / strength_max, 0.0, 1.0)) * 65535.0 + 0.5);
-    uint extent_bits = uint(sqrt(clamp(extent / range_max, 0.0, 1.0)) * 32767.0 + 0.5);
+    uint span_bits = uint(sqrt(min(span / MOST_SPAN, 1.0)) * 32767.0 + 0.5);
     uint sign_bit = along < 0.0 ? 0x80000000u : 0u;
-    uint code = strength_bits | (extent_bits << 16) | sign_bit;
+    uint code = strength_bits | (span_bits << 16) | sign_bit;
 #ifdef TRUTH
     sample_bits = uvec4(floatBitsToUint(range), code, body_id, 0u);
 #else
