@@ -12,7 +12,7 @@ from sonar_component.cli.check import check_quickly
 if TYPE_CHECKING:
     import typer
 
-_GROUPS = ("run", "ports", "tasks", "keys", "ping", "pictures", "emulate", "doctor", "bench")
+_GROUPS = ("run", "ports", "write", "tasks", "keys", "ping", "pictures", "emulate", "doctor", "bench")
 _INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 _NEW_OBJECTS = 100_000  # between two searches for garbage: above what imports make, which is no garbage
 

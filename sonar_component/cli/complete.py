@@ -15,9 +15,12 @@ def tasks(incomplete: str) -> list[str]:
 
 def outputs(incomplete: str) -> list[str]:
     """Output ports of running tasks."""
-    ports = [(task, port) for task, record in _records().items() for port in record["ports"].items()]
-    names = [f"{task}.{name}" for task, (name, port) in ports if port["direction"] == "out"]
-    return [name for name in names if name.startswith(incomplete)]
+    return _ports(incomplete, "out")
+
+
+def inputs(incomplete: str) -> list[str]:
+    """Input ports of running tasks."""
+    return _ports(incomplete, "in")
 
 
 def properties(incomplete: str) -> list[str]:
@@ -33,6 +36,12 @@ def operations(incomplete: str) -> list[str]:
 def commands(incomplete: str) -> list[str]:
     """What a task may be ordered to do."""
     return [name for name in COMMANDS if name.startswith(incomplete)]
+
+
+def _ports(incomplete: str, direction: str) -> list[str]:
+    ports = [(task, port) for task, record in _records().items() for port in record["ports"].items()]
+    names = [f"{task}.{name}" for task, (name, port) in ports if port["direction"] == direction]
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def _members(incomplete: str, kind: str) -> list[str]:

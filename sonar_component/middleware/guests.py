@@ -107,7 +107,7 @@ class Guests:
         if others and not request.get("shared"):
             raise ValueError(
                 f"{port.full_name} is connected to {', '.join(others)} already, and two writers would take turns; "
-                "allowed: a port that nobody writes to, or shared=True"
+                "allowed: a port that nobody writes to, or sharing it (shared=True, --shared)"
             )
 
     def _connect(self, key: Key, port: InputPort[Any], policy: Policy) -> None:

@@ -151,7 +151,7 @@ def test_a_port_that_the_deployment_connects_is_not_taken_from_it(graph: Any) ->
         connect("fls.sonar_pose_cmd", write=True)
     assert str(caught.value) == (
         "fls.sonar_pose_cmd is connected to pose.pose_samples already, and two writers would take turns; allowed: a "
-        "port that nobody writes to, or shared=True"
+        "port that nobody writes to, or sharing it (shared=True, --shared)"
     )
 
 
