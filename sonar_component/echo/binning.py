@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from sonar_component.echo.assignment import Assignment
 
 EMPTY = 1e-6  # [-], of a beam's solid angle: below it a bin counts as empty; a tenth of what must not be missed
-_BEAMS_PER_WORKER = 16  # [-], fewer are not worth handing to another thread
+_SAMPLES_PER_WORKER = 30_000  # [-], 0.3 ms; waking another thread takes 0.1 ms
 _LEAST = np.float32(2e-6)  # [-], least span of a sample relative to its range, beyond it: edges are of the farther bin
 MOST = 1.9  # [-], greatest span in the samples: from half to 20 times the range, of a floor just below the horizon
 _PART = np.float32(1e-3)  # [-], least part of a cell that the edge of the aperture leaves
@@ -242,7 +242,8 @@ def bin_footprints(
         scale.bin_count / scale.range_max, scale.strength_max, scale.min_range,
         solid_angle, scale.mean, scale.linear, bins, weight,
     )  # fmt: skip
-    workers = 1 if pool is None else min(pool._max_workers + 1, beams // _BEAMS_PER_WORKER)
+    samples = len(assignment.column) * layout.rows
+    workers = 1 if pool is None else min(pool._max_workers + 1, samples // _SAMPLES_PER_WORKER, beams)
     if workers < 2 or pool is None:
         _bin_beams(0, beams, *rest)
         return bins, weight

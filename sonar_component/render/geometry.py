@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -97,7 +100,7 @@ class Geometry:
         assert self._world is not None
         p = self._packed
         X_WB = np.array([body.X_WB for body in self._world.bodies.values()]).reshape(-1, 4, 4)
-        return _relative(X_WS, X_WB[p.part_body] @ p.X_BM)
+        return np.asarray(_relative(X_WS, X_WB, p.part_body, p.X_BM))
 
     def send(self, draws: Draws, X_SM: Array, X_DS: Array, bands: NDArray[np.float32] | None = None) -> moderngl.Buffer:
         """Send draws to the GPU; returns their indirect commands.
@@ -149,16 +152,26 @@ class Geometry:
         self.loaded = self.instances = self._commands = self._world = None
 
 
-def _relative(X_WS: Array, X_WB: Array) -> Array:
-    """Poses of bodies in the sonar's frame, (n, 4, 4) float64.
+@numba.njit(nogil=True, cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _relative(X_WS: Any, X_WB: Any, part_body: Any, X_BM: Any) -> Any:
+    """Poses of parts in the sonar's frame, (parts, 4, 4) float64.
 
     The difference of the two positions is rounded to 2^-20 m, a micrometre. Far from the origin (UTM coordinates)
     float64 itself is only good to a nanometre; rounding away that residue gives the same bits there as at the origin.
     """
-    X_SB = np.zeros_like(X_WB)
-    R_SW = X_WS[:3, :3].T
-    X_SB[:, :3, :3] = R_SW @ X_WB[:, :3, :3]
-    difference = np.round((X_WB[:, :3, 3] - X_WS[:3, 3]) * _GRID) / _GRID
-    X_SB[:, :3, 3] = difference @ R_SW.T
-    X_SB[:, 3, 3] = 1.0
-    return X_SB
+    X_SM = np.zeros((len(part_body), 4, 4))
+    R_WM, away = np.empty((3, 3)), np.empty(3)
+    for part in range(len(part_body)):
+        body = X_WB[part_body[part]]
+        local = X_BM[part]
+        for i in range(3):
+            for j in range(3):
+                R_WM[i, j] = body[i, 0] * local[0, j] + body[i, 1] * local[1, j] + body[i, 2] * local[2, j]
+            place = body[i, 0] * local[0, 3] + body[i, 1] * local[1, 3] + body[i, 2] * local[2, 3] + body[i, 3]
+            away[i] = np.round((place - X_WS[i, 3]) * _GRID) / _GRID
+        for i in range(3):
+            for j in range(3):
+                X_SM[part, i, j] = X_WS[0, i] * R_WM[0, j] + X_WS[1, i] * R_WM[1, j] + X_WS[2, i] * R_WM[2, j]
+            X_SM[part, i, 3] = X_WS[0, i] * away[0] + X_WS[1, i] * away[1] + X_WS[2, i] * away[2]
+        X_SM[part, 3, 3] = 1.0
+    return X_SM

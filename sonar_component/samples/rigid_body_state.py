@@ -6,6 +6,7 @@ The orientation is a unit quaternion (w, x, y, z): scalar first, as on the comma
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -72,12 +73,13 @@ class RigidBodyState:
 
     def validate(self) -> None:
         """Raise ValueError unless position and orientation are usable; say which value is not."""
+        # On plain numbers: NumPy takes ten times as long over so few.
         position, orientation = np.asarray(self.position), np.asarray(self.orientation)
-        if position.shape != (3,) or not np.isfinite(position).all():
+        if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
             raise ValueError(f"position must be 3 finite numbers [m], got {position.tolist()}")
-        if orientation.shape != (4,) or not np.isfinite(orientation).all():
+        if orientation.shape != (4,) or not all(map(math.isfinite, orientation.tolist())):
             raise ValueError(f"orientation must be 4 finite numbers (w, x, y, z), got {orientation.tolist()}")
-        squared = float(orientation @ orientation)
+        squared = sum(component * component for component in orientation.tolist())
         if abs(squared - 1.0) > _UNIT_TOLERANCE:
             raise ValueError(f"orientation must be a unit quaternion, got length {squared**0.5:.6g}")
 
@@ -102,8 +104,9 @@ def rotation_from_quaternion(q: Array) -> Array:
     -------
     (3, 3) float64
     """
-    q = np.asarray(q, np.float64)
-    w, x, y, z = q / np.linalg.norm(q)
+    w, x, y, z = np.asarray(q, np.float64).tolist()
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    w, x, y, z = w / length, x / length, y / length, z / length
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -71,7 +71,9 @@ class FanImager:
         self._tables: dict[int, _Tables] = {}
         self._planned_for: tuple[World, int] | None = None
         self.estimated_error = float("nan")
-        self._pool = ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "binning")
+        # Two processors are often the two threads of one core, where a second worker gained nothing.
+        others = len(os.sched_getaffinity(0)) - 1
+        self._pool = ThreadPoolExecutor(others, "binning") if others > 1 else None
         self._settings, self.beams, self._solid_angle = settings, beams, beams.solid_angle
 
     def adopt(self, settings: SonarSettings, beams: BeamTable) -> None:
@@ -159,7 +161,8 @@ class FanImager:
         self._renderer.release()
         if "_reduction" in self.__dict__:
             self._reduction.release()
-        self._pool.shutdown()
+        if self._pool is not None:
+            self._pool.shutdown()
 
     def explain(self) -> list[str]:
         """What was chosen for the last image, and why, one line each."""

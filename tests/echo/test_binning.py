@@ -75,8 +75,8 @@ def test_random_samples_give_what_the_plain_loop_gives(bins: int, mean: bool, li
 
 def test_threads_give_the_same_bits_as_one() -> None:
     rng = np.random.default_rng(1)
-    layout = grid(256, 32, rng)
-    ranges = rng.uniform(1, RANGE, (256, 32))
+    layout = grid(1024, 128, rng)  # enough for three threads to be worth it
+    ranges = rng.uniform(1, RANGE, (1024, 128))
     pixels = texels.pack(ranges, rng.uniform(0, 3, ranges.shape), rng.random(ranges.shape), False, 1)
     assignment, whole = beams_of(layout, 64, rng)
     alone, _ = bin_footprints(pixels, layout, assignment, whole, Scale(500, RANGE))

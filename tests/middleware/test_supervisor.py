@@ -99,17 +99,17 @@ def test_a_task_that_does_not_stop_is_left_behind_with_a_word(graph: Any) -> Non
 
 
 def test_a_task_that_works_on_its_end_is_waited_for(graph: Any) -> None:
-    launcher = graph.start("version: 1\ntasks:\n  work: {type: WorkTask, properties: {stopping: 4}}\n")
+    launcher = graph.start("version: 1\ntasks:\n  work: {type: WorkTask, properties: {stopping: 3}}\n")
     graph.wait_until_said("work: RUNNING")
     began = time.monotonic()
     launcher.send_signal(signal.SIGINT)
     assert launcher.wait(20) == 0, graph.said()
-    assert time.monotonic() - began >= 4  # far above the 2 s of the ladder
+    assert time.monotonic() - began >= 3  # above the 2 s of the ladder
     assert "does not" not in graph.said()
 
 
 def test_seconds_end_well_although_a_task_is_still_coming_up(graph: Any) -> None:
-    file = graph.write("version: 1\ntasks:\n  work: {type: WorkTask, properties: {configuring: 4}}\n")
+    file = graph.write("version: 1\ntasks:\n  work: {type: WorkTask, properties: {configuring: 3}}\n")
     done = graph.sonar("run", file, "--seconds", 1)
     assert done.returncode == 0, done.stdout
 
