@@ -103,7 +103,7 @@ def _spread(values: list[float]) -> dict[str, float]:
 def write(folder: str, kind: str, count: str) -> None:
     """The writing process: raw and ours by turns."""
     transport = Transport()
-    port: OutputPort[Any] = OutputPort(_TYPES[kind], queue=8).own("bench", "samples")
+    port: OutputPort[Any] = OutputPort(_TYPES[kind], queue=1000).own("bench", "samples")  # as long as raw pyzmq's
     transport.bind(port, [f"ipc://{folder}/ours"])
     socket = transport.context.socket(zmq.XPUB)
     socket.bind(f"ipc://{folder}/raw")

@@ -20,12 +20,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar, overload
 
-from sonar_component.middleware.codec import decode, decode_untyped
+from sonar_component.middleware.codec import decode_untyped
 from sonar_component.middleware.policy import KINDS, Policy
 from sonar_component.middleware.proxy import TaskProxy
 from sonar_component.middleware.reach import Place, Reach
 from sonar_component.middleware.reader import Decoder, PortReader
-from sonar_component.middleware.schema import schema_of
+from sonar_component.middleware.schema import Schema, schema_of
 from sonar_component.middleware.transport.keys import joining
 from sonar_component.middleware.writer import PortWriter
 from sonar_component.settings.errors import SettingsError, suggest
@@ -139,8 +139,8 @@ def _reader(
         raise SettingsError(f"a reliable connection must stay on one host; {name} is on host {place.host!r}")
     cls = _type(name, port, sample_type, "gives")
     control = place.record["control"] if policy.kind == "reliable" else None
-    decoder = decoder or _decoder(cls)
-    return PortReader(name, port["endpoint"], port["type"], decoder, policy, timeout, place.join, control)
+    reads = decoder or _decoder(cls)
+    return PortReader(name, port["endpoint"], port["type"], reads, policy, timeout, place.join, control)
 
 
 def _writer(
@@ -208,11 +208,10 @@ def _type(name: str, port: dict[str, Any], given: type[Any] | None, does: str) -
     return given or known_type(port["type"])
 
 
-def _decoder(cls: type | None) -> Decoder:
+def _decoder(cls: type | None) -> Decoder | Schema:
     if cls is None:
         return decode_untyped
-    schema = schema_of(cls)
-    return lambda header, buffers: decode(schema, header, buffers)
+    return schema_of(cls)
 
 
 def known_type(name: str) -> type | None:

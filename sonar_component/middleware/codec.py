@@ -1,8 +1,8 @@
 """Sample <-> header and raw buffers; pure, no sockets. The format is written down in README.md beside this file.
 
 Arrays up to `INLINE_BYTES` stand in the header itself, since one frame less is worth more there than one copy: a pose
-has eight of them and travels in two frames instead of ten. A list of numbers in msgpack was the alternative for large
-ones; it takes about 250 times as long as the raw buffer.
+has eight of them and travels in two frames instead of ten, a sonar image with its bearings in three instead of four. A
+list of numbers in msgpack was the alternative for large ones; it takes about 250 times as long as the raw buffer.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from sonar_component.middleware.schema import DTYPES, Schema, schema_of, wire_dtype
 
 ENVELOPE = 1
-INLINE_BYTES = 256
+INLINE_BYTES = 4096
 MAX_DIMENSIONS = 8
 MAX_ARRAYS = 256
 MAX_HEADER_BYTES = 4 << 20  # far above any header of ours; the largest holds the names of a scene's bodies
@@ -76,7 +76,7 @@ def encode(sample: Any, envelope: dict[str, Any]) -> list[Any]:
         if kind is not None:
             body[name] = kind(value)
             continue
-        array = _contiguous(value, dtype)
+        array = contiguous(value, dtype)
         if array.nbytes <= INLINE_BYTES:
             described.append([name, dtype_name or array.dtype.str, array.shape, array.tobytes()])
         else:
@@ -105,7 +105,8 @@ def _pack(header: dict[str, Any]) -> bytes:
     return packed
 
 
-def _contiguous(value: Any, wanted: np.dtype[Any] | None) -> np.ndarray[Any, Any]:
+def contiguous(value: Any, wanted: np.dtype[Any] | None) -> np.ndarray[Any, Any]:
+    """The value as an array of the wanted dtype, or of its own, as it travels."""
     dtype = wanted or DTYPES[wire_dtype(np.asarray(value).dtype)]
     if type(value) is np.ndarray and value.dtype == dtype and value.flags.c_contiguous:
         return value

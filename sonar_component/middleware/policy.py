@@ -95,6 +95,7 @@ class Mailbox:
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
         self.account = Account()
+        self._reliable = policy.kind == "reliable"
         self._lock = threading.Lock()
         self._waiting: deque[Received] = deque()
         self.on_room: Callable[[], None] = lambda: None
@@ -105,7 +106,7 @@ class Mailbox:
     @property
     def full(self) -> bool:
         """Whether a reliable connection must let the sender wait."""
-        return self.policy.kind == "reliable" and len(self._waiting) >= self.policy.size
+        return self._reliable and len(self._waiting) >= self.policy.size
 
     def put(self, received: Received) -> bool:
         """Keep a sample as the policy says; False if it was refused."""

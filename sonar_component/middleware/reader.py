@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 
 from sonar_component.middleware.policy import Account, Mailbox, Policy, Received
 from sonar_component.middleware.ports import MAX_FRAME_BYTES, Connection
+from sonar_component.middleware.schema import Schema
 from sonar_component.middleware.transport.loop import Bell
 from sonar_component.middleware.transport.transport import Join, Transport
 from sonar_component.middleware.visit import Visit
@@ -29,8 +30,8 @@ class PortReader(Generic[T]):
     """
 
     def __init__(
-        self, name: str, endpoint: str, type_name: str, decoder: Decoder, policy: Policy, timeout: float | None,
-        join: Join | None = None, control: str | None = None,
+        self, name: str, endpoint: str, type_name: str, decoder: Decoder | Schema, policy: Policy,
+        timeout: float | None, join: Join | None = None, control: str | None = None,
     ) -> None:  # fmt: skip
         self.name, self.type_name, self.policy, self.timeout = name, type_name, policy, timeout
         self._transport, self._visit = Transport(), None

@@ -201,7 +201,7 @@ def test_a_reader_that_stands_still_disturbs_no_other(transport: Transport, addr
 def malformed(chance: random.Random) -> list[bytes]:
     """One message that breaks the format in one of the ways that the issue names."""
     sonar = Sonar(
-        bearings=np.zeros(3), bin_count=99, beam_count=3, bins=np.zeros((3, 99), np.float32), bin_duration=1.0
+        bearings=np.zeros(3), bin_count=999, beam_count=3, bins=np.zeros((3, 999), np.float32), bin_duration=1.0
     )
     frames = [bytes(frame) for frame in encode(sonar, ENVELOPE)]
     header = msgpack.unpackb(frames[0])

@@ -30,6 +30,15 @@ class Served(Protocol):
         """Take everything that is there; called with any thread's hands."""
 
 
+class Attended(Protocol):
+    """The same, of which its reader may say that the descriptor has told of something."""
+
+    fd: int
+
+    def serve(self, told: bool = False) -> None:
+        """Take everything that is there."""
+
+
 class Loop:
     """The thread; daemonic, since it holds nothing that must be written back."""
 
@@ -140,18 +149,17 @@ class Bell:
         self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._epoll = select.epoll()
         self._epoll.register(self._fd, _EVENTS)
-        self._attended: dict[int, Served] = {}
-        self._rung = threading.Event()
-        self._waiting = False
+        self._attended: dict[int, Attended] = {}
+        self._rung = self._waiting = False
 
-    def attend(self, served: Served) -> None:
+    def attend(self, served: Attended) -> None:
         """Serve this object while waiting."""
         self._attended[served.fd] = served
         self._epoll.register(served.fd, _EVENTS)
 
     def ring(self) -> None:
         """Wake the waiter, or keep it from falling asleep; costs no system call unless it sleeps."""
-        self._rung.set()
+        self._rung = True  # in this order, as `_sleep` looks in the other
         if self._waiting:
             os.eventfd_write(self._fd, 1)
 
@@ -166,7 +174,7 @@ class Bell:
                 served.serve()
             rung = self._sleep(timeout)
             if rung:
-                self._rung.clear()  # only now: what rings from here on is for the next wait
+                self._rung = False  # only now: what rings from here on is for the next wait
             return rung
         finally:
             self._waiting = False
@@ -176,26 +184,29 @@ class Bell:
 
     def _sleep(self, timeout: float | None) -> bool:
         deadline = None if timeout is None else time.monotonic() + timeout
-        self._waiting = True
-        while not self._rung.is_set():
+        while True:
+            self._waiting = True
+            if self._rung:
+                return True
             left = None if deadline is None else deadline - time.monotonic()
             if left is not None and left <= 0:
                 return False
             if left is not None and left < 0.001:
                 time.sleep(left)  # epoll counts whole milliseconds
                 continue
-            for fd, _ in self._epoll.poll(-1 if left is None else int(left * 1000) / 1000):
-                self._answer(fd)
-        return True
+            events = self._epoll.poll(-1 if left is None else int(left * 1000) / 1000)
+            self._waiting = False  # what comes while we look is seen without a bell
+            for fd, _ in events:
+                if fd in self._attended:
+                    self._attended[fd].serve(True)
+                else:
+                    self._hush()
 
-    def _answer(self, fd: int) -> None:
-        if fd == self._fd:
-            try:
-                os.eventfd_read(self._fd)
-            except BlockingIOError:
-                return
-        elif fd in self._attended:
-            self._attended[fd].serve()
+    def _hush(self) -> None:
+        try:
+            os.eventfd_read(self._fd)
+        except BlockingIOError:
+            return
 
     def close(self) -> None:
         """Give the descriptors back."""

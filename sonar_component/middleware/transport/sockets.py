@@ -20,6 +20,7 @@ MAX_SUBSCRIPTION_BYTES = 200  # libzmq keeps what a peer subscribes to: about 75
 MAX_HANDSHAKE_BYTES = 1024  # the limit holds for CURVE's own frames too, of which INITIATE has 257 bytes and more
 MAX_REQUEST_BYTES = 1 << 20
 HANDSHAKE_MS = 5000
+_POLLIN = int(zmq.POLLIN)  # zmq's own kind of number takes longer than the question
 
 Socket = zmq.Socket[bytes]
 
@@ -53,7 +54,7 @@ def bind(socket: Socket, endpoint: str) -> None:
 
 def readable(socket: Socket) -> bool:
     """Whether a message waits; arms the socket's descriptor anew. Half the price of a recv that raises."""
-    return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+    return int(socket.get(zmq.EVENTS)) & _POLLIN != 0
 
 
 def publisher_socket(context: zmq.Context[Any], queue: int, max_bytes: int = MAX_SUBSCRIPTION_BYTES) -> Socket:

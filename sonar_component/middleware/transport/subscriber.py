@@ -16,12 +16,14 @@ from typing import Any
 import zmq
 
 from sonar_component.middleware.codec import WireError, decode, unpack
+from sonar_component.middleware.layout import Decoder as LayoutDecoder
 from sonar_component.middleware.policy import Received
 from sonar_component.middleware.ports import Connection
 from sonar_component.middleware.schema import Schema
 from sonar_component.middleware.transport.rejections import Rejections
 from sonar_component.middleware.transport.sockets import Socket, readable
 
+_NOBLOCK = int(zmq.NOBLOCK)
 _MAX_PARTS = 258  # topic, header and as many buffers as a header may describe
 Decoder = Callable[[dict[str, Any], list[Any]], Any]
 
@@ -30,35 +32,36 @@ class Subscriber:
     """Receives for one connection; counts what is lost and what breaks the format."""
 
     def __init__(self, socket: Socket, connection: Connection, decoder: Decoder | Schema, reader: str) -> None:
-        self._socket, self._connection = socket, connection
+        self._socket, self._connection, self._mailbox = socket, connection, connection.mailbox
         self.rejected = Rejections(reader)
         self.fd = int(socket.getsockopt(zmq.FD))
         self._decode: Decoder = _decoder(decoder) if isinstance(decoder, Schema) else decoder
+        self._known = LayoutDecoder(decoder) if isinstance(decoder, Schema) else None
         self._lock = threading.Lock()
         self._topic = connection.source.encode() + b"\0"
         self._own = b"@" + os.urandom(8).hex().encode()
         self._run, self._seq = "", 0
-        self._trying = False
-        self._cut = False
+        self._trying = self._cut = self._closed = False
         self.bytes = 0
         self.on_restart: Callable[[str], None] = lambda source: None
         socket.subscribe(self._topic)
         if connection.mailbox.policy.init:
             socket.subscribe(self._own)
 
-    def serve(self) -> None:
-        """Take everything that has come."""
+    def serve(self, told: bool = False) -> None:
+        """Take everything that has come; `told` by the descriptor, the first message is taken without asking for it."""
         with self._lock:
+            if told and not self._closed and not self._mailbox.full:
+                with suppress(zmq.Again):  # it also tells of other things
+                    self._take(self._socket.recv(_NOBLOCK, False))
             # Asking for EVENTS puts the descriptor to sleep; what a full mailbox has no room for stays in the socket.
-            while not self._socket.closed and readable(self._socket):
-                if self._connection.mailbox.full:
-                    return
-                self._take(self._socket.recv(zmq.NOBLOCK))
+            while not self._closed and readable(self._socket) and not self._mailbox.full:
+                self._take(self._socket.recv(_NOBLOCK, False))
 
     def connect(self, endpoint: str) -> None:
         """Connect, or connect anew: libzmq gives up on a peer that once sent too large a frame."""
         with self._lock:
-            if self._socket.closed:
+            if self._closed:
                 return
             self._trying = False
             if self._run or self._cut:
@@ -75,57 +78,66 @@ class Subscriber:
     def close(self) -> None:
         """Close the socket."""
         with self._lock:
+            self._closed = True
             self._socket.close()
 
-    def _take(self, topic: bytes) -> None:
-        header: bytes | None = None
-        buffers: list[Any] = []
-        parts = 1
-        while self._socket.getsockopt(zmq.RCVMORE):
+    def _take(self, frame: zmq.Frame) -> None:
+        topic, parts = frame.bytes, 1
+        frames: list[Any] = []  # the header and its arrays
+        while frame.more:
+            frame = self._socket.recv(0, False)
             parts += 1
-            if header is None:
-                header = self._socket.recv()
-            elif parts <= _MAX_PARTS:
-                buffers.append(self._socket.recv(copy=False).buffer)
-            else:
-                self._socket.recv(copy=False)
+            if parts <= _MAX_PARTS:
+                frames.append(frame.buffer)
         try:
-            if topic not in (self._topic, self._own):
+            if topic != self._topic and topic != self._own:
                 raise WireError("message for another topic")
-            if header is None or parts > _MAX_PARTS:
-                raise WireError("message has too many parts" if header else "message has no header")
-            self._accept(unpack(header), buffers, len(header))
+            if not frames or parts > _MAX_PARTS:
+                raise WireError("message has too many parts" if frames else "message has no header")
+            self._accept(frames[0], frames[1:])
         except WireError as error:
             self._reject(error)
 
-    def _accept(self, header: dict[str, Any], buffers: list[Any], size: int) -> None:
+    def _accept(self, frame: memoryview, buffers: list[memoryview]) -> None:
+        known = self._known.decode(frame, buffers) if self._known is not None else None
+        if known is None:
+            self._accept_new(frame, buffers)
+        elif known[0] > self._seq:
+            self._deliver(*known, frame, buffers)
+
+    def _accept_new(self, frame: memoryview, buffers: list[memoryview]) -> None:
+        """A message whose header must be read as a stranger's."""
+        header = unpack(frame)
         if header["src"] != self._connection.source:
             raise WireError("header names another source than its topic")
         restarted = header["run"] != self._run
         if not restarted and header["seq"] <= self._seq:
             return  # the greeting repeats a sample that came the usual way
         sample = self._decode(header, buffers)
-        account = self._connection.mailbox.account
+        if self._known is not None:
+            self._known.learn(frame, header)
         if restarted:
-            self._count_restart(header)
-        else:
-            account.lost += header["seq"] - self._seq - 1
-        if self._cut and not restarted:
-            self.rejected.add(self._connection.source, "connection was cut: a frame above the limit, or no heartbeat")
-            self._connection.mailbox.account.rejected = self.rejected.as_dict()
-        self._cut = False
-        self._run, self._seq = header["run"], header["seq"]
-        self.bytes += size + sum(buffer.nbytes for buffer in buffers)
-        self._connection.deliver(Received(sample, header["t"], header["seq"], time.monotonic()))
+            self._count_restart()
+            self._run, self._seq, self._cut = header["run"], header["seq"] - 1, False
+        self._deliver(header["seq"], header["t"], sample, frame, buffers)
 
-    def _count_restart(self, header: dict[str, Any]) -> None:
+    def _deliver(self, seq: int, data_time: int, sample: Any, frame: memoryview, buffers: list[memoryview]) -> None:
+        if self._cut:
+            self._reject("connection was cut: a frame above the limit, or no heartbeat")
+            self._cut = False
+        self._mailbox.account.lost += seq - self._seq - 1
+        self._seq = seq
+        self.bytes += len(frame) + sum(map(len, buffers))
+        self._connection.deliver(Received(sample, data_time, seq, time.monotonic()))
+
+    def _count_restart(self) -> None:
         if self._run:
-            self._connection.mailbox.account.restarts += 1
+            self._mailbox.account.restarts += 1
             self.on_restart(self._connection.source)
 
-    def _reject(self, error: WireError) -> None:
-        self.rejected.add(self._connection.source, str(error))
-        self._connection.mailbox.account.rejected = self.rejected.as_dict()
+    def _reject(self, reason: object) -> None:
+        self.rejected.add(self._connection.source, str(reason))
+        self._mailbox.account.rejected = self.rejected.as_dict()
 
 
 def _decoder(schema: Schema) -> Decoder:
