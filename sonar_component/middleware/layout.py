@@ -4,9 +4,9 @@ As long as the shapes and the texts of a sample stay, its headers differ in numb
 taken apart once, into constants and slots, and each further one is a single call of `struct` for the writer, and for
 the reader one that leaves nothing to check but the constants. It is the same msgpack map as `codec.encode` makes.
 
-Packing and reading the map anew for every sample was the alternative. It takes 14 us in a loop, but 100 us at each end
-of a port that rests between two samples, since by then the processor has forgotten the way: more than the transport of
-a pose takes in all.
+Packing and reading the map anew for every sample was the alternative. For a pose that takes 26 and 36 us in a loop, and
+three to four times as much at a port that rests 4 ms between two samples, since by then the processor has forgotten the
+way; this takes 10 and 17 us in a loop, and 60 and 85 us after a rest.
 """
 
 from __future__ import annotations
