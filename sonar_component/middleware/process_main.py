@@ -14,10 +14,11 @@ import signal
 import sys
 from typing import Any
 
-from sonar_component.middleware.deployment.plan import Plan
+from sonar_component.middleware.deployment.plan import Plan, RestartPlan
 from sonar_component.middleware.process import Process
 
-BEAT = 0.5  # [s], between signs of life
+BEAT, QUICKEST_BEAT = 0.5, 0.05  # [s], between signs of life
+_BEATS = 4  # of them within a hang_timeout: one that comes late on a busy machine is no hang
 
 
 class _Reports:
@@ -68,13 +69,19 @@ def main(plan_file: str, name: str, host: str, events: str) -> None:
     sys.exit(0 if process.close() and not process.failed else 1)
 
 
+def beat_of(process: Process) -> float:
+    """Seconds between two signs of life."""
+    rules = process.plan.restart.get(process.name, RestartPlan())
+    return min(BEAT, max(QUICKEST_BEAT, rules.hang_timeout / _BEATS))
+
+
 def _obey(process: Process, report: _Reports) -> None:
     """Take orders until told to stop."""
     wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
     signal.signal(signal.SIGTERM, lambda *_: os.eventfd_write(wake, 1))
-    pending = b""
+    pending, beat = b"", beat_of(process)
     while True:
-        ready, _, _ = select.select([0, wake], [], [], BEAT)
+        ready, _, _ = select.select([0, wake], [], [], beat)
         if wake in ready:
             return
         if 0 in ready:

@@ -125,7 +125,7 @@ def test_a_task_that_hangs_while_it_comes_up_is_named_with_its_hook(graph: Any) 
 
 
 def test_an_operation_that_hangs_is_found_by_its_missing_cycles(graph: Any) -> None:
-    graph.start("version: 1\ntasks:\n  source: {type: SourceTask, hang_timeout: 500 ms, restart_delay: 50 ms}\n")
+    graph.start("version: 1\ntasks:\n  source: {type: SourceTask, hang_timeout: 1 s, restart_delay: 50 ms}\n")
     with connect_task("source", timeout=20.0) as source:
         graph.wait_for(lambda: source.describe()["counters"]["cycles"] > 1, "running")
         time.sleep(0.7)  # above the 0.5 s between two signs of life: before, it has the patience for a first cycle
