@@ -45,7 +45,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class Draws:
-    """Tiles to draw, one view after another, in four groups: with pictures and without, of those closed and open ones.
+    """Tiles to draw, near ones first, in four groups: with pictures and without, of those closed and open ones.
 
     Attributes
     ----------
@@ -136,30 +136,41 @@ def _choose(
     views: Any,
     counts: Any,
 ) -> None:
+    # Those within range and above and below, near ones first: what they hide costs less then.
+    near = np.empty(len(tile_part), np.int32)
+    place_S = np.empty((len(tile_part), 3))
+    front = np.empty(len(tile_part))
+    kept = 0
+    for tile in range(len(tile_part)):
+        X, c, r = X_SM[tile_part[tile]], centre[tile], radius[tile]
+        x = X[0, 0] * c[0] + X[0, 1] * c[1] + X[0, 2] * c[2] + X[0, 3]
+        y = X[1, 0] * c[0] + X[1, 1] * c[1] + X[1, 2] * c[2] + X[1, 3]
+        z = X[2, 0] * c[0] + X[2, 1] * c[1] + X[2, 2] * c[2] + X[2, 3]
+        distance = np.sqrt(x * x + y * y + z * z)
+        if distance >= range_max + r or abs(z) * up_cos - np.sqrt(x * x + y * y) * up_sin >= r:
+            continue
+        near[kept] = tile
+        place_S[kept, 0], place_S[kept, 1], place_S[kept, 2] = x, y, z
+        front[kept] = distance - r
+        kept += 1
     found = 0
     seen_tile, seen_view = np.empty_like(tiles), np.empty_like(views)
     group = np.empty(len(tiles), np.uint8)
     sonar = np.empty(3)
-    for tile in range(len(tile_part)):
-        X = X_SM[tile_part[tile]]
-        c = centre[tile]
-        r = radius[tile]
-        x = X[0, 0] * c[0] + X[0, 1] * c[1] + X[0, 2] * c[2] + X[0, 3]
-        y = X[1, 0] * c[0] + X[1, 1] * c[1] + X[1, 2] * c[2] + X[1, 3]
-        z = X[2, 0] * c[0] + X[2, 1] * c[1] + X[2, 2] * c[2] + X[2, 3]
-        away = x * x + y * y + z * z
-        if away >= (range_max + r) ** 2 or abs(z) * up_cos - np.sqrt(x * x + y * y) * up_sin >= r:
-            continue
+    for k in np.argsort(front[:kept]):
+        tile = near[k]
+        X, r = X_SM[tile_part[tile]], radius[tile]
+        x, y, z = place_S[k]
+        distance = front[k] + r
         outside = False
         if hull[tile, 0, 0] <= hull[tile, 1, 0]:  # NaN where the tile is open
-            for k in range(3):
-                sonar[k] = -(X[0, k] * X[0, 3] + X[1, k] * X[1, 3] + X[2, k] * X[2, 3])
-                if sonar[k] < hull[tile, 0, k] - clear or sonar[k] > hull[tile, 1, k] + clear:
+            for i in range(3):
+                sonar[i] = -(X[0, i] * X[0, 3] + X[1, i] * X[1, 3] + X[2, i] * X[2, 3])
+                if sonar[i] < hull[tile, 0, i] - clear or sonar[i] > hull[tile, 1, i] + clear:
                     outside = True
-        if outside and away > r * r:
+        if outside and distance > r:
             # All normals lie within `spread` of the axis, all lines of sight within asin(r / distance) of the centre's:
             # if they add up to less than a right angle, every face is seen from behind.
-            distance = np.sqrt(away)
             widest = spread[tile] + np.arcsin(r / distance)
             if widest < 0.5 * np.pi:
                 a = axis[tile]
