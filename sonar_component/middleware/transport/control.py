@@ -163,7 +163,7 @@ class ControlClient:
             return answer.get("result")
         if self._monitor is not None:
             self._monitor.serve()
-        raise TimeoutError(f"no answer to {op!r} within {timeout:g} s{self._refusal}")
+        raise TimeoutError(f"no answer to {op!r} within {timeout:.2g} s{self._refusal}")
 
     def close(self) -> None:
         """Close the socket."""
