@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonar_component.gl import Target, load_program, set_uniforms
-from sonar_component.render.draws import Sight, choose
+from sonar_component.render.draws import Draws, Sight, choose
 from sonar_component.render.geometry import Geometry
 from sonar_component.render.layout import Layout, View
 from sonar_component.render.packing import instance_format
@@ -84,11 +84,7 @@ class FootprintRenderer:
         target.clear()
         if self.geometry.empty:
             return target
-        view = layout.views[0]
-        near, far = near_plane(optics), _TILES_BEYOND * optics.range_max
-        sight = Sight(layout.azimuths, view.half_width, view.y_step * view.rows / 2, near, far)
-        X_SM = self.geometry.place(X_WS)
-        draws = choose(self.geometry.packed, X_SM, sight)
+        draws, X_SM = self._draws(X_WS, layout, optics)
         X_DS, bands = self._projection(layout, optics)
         defines = self.features(optics, len(layout.views))
         wide = "WIDE_FAN" in defines
@@ -104,6 +100,18 @@ class FootprintRenderer:
                 self._prepare_program(layout, optics, features).render_indirect(commands, count=count, first=first)
             first += count
         return target
+
+    def triangles(self, X_WS: Array, layout: Layout, optics: Optics) -> int:
+        """How many triangles ``draw`` would draw, each as often as a view may see it."""
+        draws, _ = self._draws(X_WS, layout, optics)
+        return int(self.geometry.packed.commands["count"][draws.tiles].sum()) // 3
+
+    def _draws(self, X_WS: Array, layout: Layout, optics: Optics) -> tuple[Draws, Array]:
+        view = layout.views[0]
+        near, far = near_plane(optics), _TILES_BEYOND * optics.range_max
+        sight = Sight(layout.azimuths, view.half_width, view.y_step * view.rows / 2, near, far)
+        X_SM = self.geometry.place(X_WS)
+        return choose(self.geometry.packed, X_SM, sight), X_SM
 
     def _enable(self, wide: bool, culled: bool) -> None:
         self._context.enable_only(moderngl.DEPTH_TEST | (moderngl.CULL_FACE if culled else 0))

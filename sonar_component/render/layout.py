@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 MAX_VIEW = np.radians(45.0)  # [rad]; wider views spend more cells above the aperture and at their sides
 MOST_VIEWS = 48  # [-]
-_MOST_SHEARED = 0.9  # [-], rows added by the shear, relative to those over the aperture; 0.4 to 1.3 differ by less than 10 %
+_NARROW, _WIDE = 0.6, 1.3  # [-], rows added by the shear, relative to those over the aperture
 _LEAST_COLUMNS = 16  # [-], per view: below that the shear's rows are fewer than what another view costs
 
 
@@ -116,7 +116,13 @@ class Layout:
 
 
 def build_layout(
-    right: float, left: float, half_height: float, column_width: float, rows: int, shear: float = 0.0
+    right: float,
+    left: float,
+    half_height: float,
+    column_width: float,
+    rows: int,
+    shear: float = 0.0,
+    wide: bool = False,
 ) -> Layout:
     """Lay the samples of the sector from azimuth ``right`` to ``left``.
 
@@ -132,10 +138,12 @@ def build_layout(
         Cells over the elevation aperture at a view's axis.
     shear : float
         From column to column [cells], 0 to 1.
+    wide : bool
+        Few wide views with many rows rather than more narrow ones: a dense mesh is then drawn fewer times.
     """
     widest = MAX_VIEW
     if shear > 0:
-        widest = min(widest, column_width * max(_LEAST_COLUMNS, _MOST_SHEARED * rows / shear))
+        widest = min(widest, column_width * max(_LEAST_COLUMNS, (_WIDE if wide else _NARROW) * rows / shear))
     count = min(MOST_VIEWS, max(1, int(np.ceil((left - right) / widest - 1e-9))))
     half = (left - right) / count / 2
     columns = max(1, int(np.ceil(2 * np.tan(half) / column_width - 1e-9)))

@@ -29,6 +29,7 @@ Pose = NDArray[np.float64]  # (4, 4) [m]
 
 _PLANNED_FOR = ("range", "min_range", "bin_count", "accuracy", "enable_attenuation", "attenuation_properties")
 _LOOK_AGAIN = 256  # [images], until the plan is checked against the scene as it is seen then
+_TRIANGLE, _SAMPLE = 120.0, 15.0  # [ns] of processor time on llvmpipe; to a card neither is dear
 _SATURATED = 0.5  # [-], share of the bins at full scale from which an image says nothing
 
 
@@ -68,7 +69,8 @@ class FanImager:
         self._context, self._software = context, is_software(context)
         self._renderer = FootprintRenderer(context)
         self._level, self._due = START, 0
-        self._tables: dict[int, _Tables] = {}
+        self._tables: dict[tuple[int, bool], _Tables] = {}
+        self._wide = False
         self._planned_for: tuple[World, int] | None = None
         self.estimated_error = float("nan")
         # Two processors are often the two threads of one core, where a second worker gained nothing.
@@ -115,6 +117,9 @@ class FanImager:
         in_use = self._level if geometry == self._planned_for else None
         self._planned_for, self._due = geometry, _LOOK_AGAIN
         poses = self._plan_poses(X_WS)
+        if in_use is None:
+            self._renderer.geometry.update(world)
+            self._wide = self._cost(poses[0], wide=True) < self._cost(poses[0], wide=False)
         self._level, self.estimated_error = choose_level(
             lambda level: np.concatenate([self._image(world, X, self._table(level), mean=False) for X in poses]),
             self._settings.accuracy,
@@ -124,13 +129,20 @@ class FanImager:
         if self.estimated_error == 0.0:  # nothing was seen, which is no reason to look less closely
             self._level = min(START, highest_level(self.beams))
 
-    def _table(self, level: int) -> _Tables:
-        if level not in self._tables:
+    def _cost(self, X_WS: Pose, wide: bool) -> float:
+        """Rough cost of an image in wide or narrow views [ns]."""
+        layout = self._table(min(START, highest_level(self.beams)), wide).layout
+        drawn = self._renderer.triangles(X_WS, layout, self._optics(mean=False))
+        return _TRIANGLE * drawn + _SAMPLE * layout.columns * layout.rows
+
+    def _table(self, level: int, wide: bool | None = None) -> _Tables:
+        wide = self._wide if wide is None else wide
+        if (level, wide) not in self._tables:
             plan = plan_at(self.beams, level)
             right, left = float(self.beams.right.min()), float(self.beams.left.max())
-            layout = build_layout(right, left, self.beams.half_height, plan.column_width, plan.rows, plan.shear)
-            self._tables[level] = _Tables(plan, layout, assign(self.beams, layout.right, layout.left))
-        return self._tables[level]
+            layout = build_layout(right, left, self.beams.half_height, plan.column_width, plan.rows, plan.shear, wide)
+            self._tables[level, wide] = _Tables(plan, layout, assign(self.beams, layout.right, layout.left))
+        return self._tables[level, wide]
 
     def truth(self, world: World, X_WS: NDArray[np.float64]) -> Truth:
         """What stands behind each bin of the image from that pose."""
@@ -148,7 +160,7 @@ class FanImager:
 
         Columns run from left to right within each view, row 0 is the top.
         """
-        pixels, layout = self._renderer.read(), self._tables[self._level].layout
+        pixels, layout = self._renderer.read(), self._table(self._level).layout
         strength, distance = decode(pixels, self._greatest)
         bearing = np.broadcast_to(((layout.left + layout.right) / 2).astype(np.float32)[:, None], distance.shape)
         image = np.stack([strength, distance, np.where(distance > 0, bearing, np.nan)], axis=-1)
@@ -166,7 +178,7 @@ class FanImager:
 
     def explain(self) -> list[str]:
         """What was chosen for the last image, and why, one line each."""
-        layout, s = self._tables[self._level].layout, self._settings
+        layout, s = self._table(self._level).layout, self._settings
         per_beam = float(np.mean(self.beams.left - self.beams.right) / np.mean(layout.left - layout.right))
         return [
             f"{layout.columns} x {layout.rows} samples in {len(layout.views)} views: {per_beam:.1f} columns per beam",
@@ -184,7 +196,7 @@ class FanImager:
     @property
     def view_count(self) -> int:
         """Perspective views that the last image was drawn in."""
-        return len(self._tables[self._level].layout.views)
+        return len(self._table(self._level).layout.views)
 
     @property
     def features(self) -> frozenset[str]:

@@ -26,6 +26,7 @@ START = 7  # [level]
 _FINER = 3  # [levels], of the image that a level is compared with: neighbours share too much of their error
 _COARSER = 1.15  # [-], error of a level relative to that difference: 1.0 to 1.2 on scenes with a reference
 _GAIN = 0.7  # [-], least part of the error that the next level leaves: usually 0.77
+_WORSE = 0.85  # [-], error of a level relative to that of the next lower one: at most, where looking is worth it
 _SLACK = 0.8  # [-], of the target: leaving a level that is in use for a lower one needs this much room
 _WIDEST = np.radians(2.0)  # [rad], of a column with one column per beam: keeps footprints local in wide beams
 _MOST_SAMPLES = 4_000_000  # [-], 32 MB of target
@@ -113,7 +114,7 @@ def choose_level(
             error = estimate(level)
         return level, error
     room = accuracy if in_use is None else _SLACK * accuracy
-    while level > 0:
+    while level > 0 and error <= _WORSE * room:
         lower = estimate(level - 1)
         if lower > room:
             break

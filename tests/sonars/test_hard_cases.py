@@ -213,7 +213,7 @@ def test_rows_doubled_change_the_energy_by_less_than_half_a_percent(
     monkeypatch.setattr(imager, "choose_level", lambda *_: (level, 0.0))
     doubled = make(settings)
     twice = doubled.ping(scene, at).bins
-    rows = [each._imager._tables[level].layout.rows for each in (sonar, doubled)]
+    rows = [each._imager._table(level).layout.rows for each in (sonar, doubled)]
     assert rows[1] > 1.9 * rows[0]
     change = abs(float(twice.sum(dtype=float) / once.sum(dtype=float)) - 1)
     record_testsuite_property("rows doubled, change of the energy", change)
