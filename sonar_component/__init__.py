@@ -6,7 +6,7 @@ The way of one image, a room for each step:
     tasks/multibeam_sonar.py        a task: reads a pose from its port, asks the library, writes the image
     sonars/forward_looking.py       ping(world, pose) -> Sonar: composes the next four rooms
     scene/                          the world: bodies with poses, meshes, materials
-    render/                         world and pose -> samples (range, extent, strength), drawn by OpenGL (gl/)
+    render/                         world and pose -> samples (range, span of ranges, strength), drawn by OpenGL (gl/)
     echo/                           samples -> beams x bins
     noise/                          beams x bins -> beams x bins, given a random generator
     samples/sonar.py                the image that travels: Rock's fields and units

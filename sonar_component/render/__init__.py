@@ -1,1 +1,1 @@
-"""World and pose to samples: range, extent in range, echo strength for every cell of a fan."""
+"""World and pose to samples: range, span of ranges, echo strength for every cell of a fan."""

@@ -1,4 +1,4 @@
-"""Draws the samples of a fan: for each cell of the layout range, extent in range, echo strength."""
+"""Draws the samples of a fan: for each cell of the layout range, span of ranges, echo strength."""
 
 from __future__ import annotations
 

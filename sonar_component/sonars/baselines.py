@@ -22,11 +22,11 @@ from sonar_component.sonars.settings import SonarSettings
 Array = NDArray[np.float64]
 
 _PAPER_PIXELS_PER_BIN = 5.12  # [-], of the original implementation
-_RANGE_ONLY = np.uint32(0x0000FFFF)  # what is kept of a sample's code: its strength, not its extent in range
+_RANGE_ONLY = np.uint32(0x0000FFFF)  # what is kept of a sample's code: its strength, not its span of ranges
 
 
 class PointSampler:
-    """Renders with samples that have a range and no extent.
+    """Renders with samples that have a range and no span.
 
     Use it on the thread that made the context.
     """
