@@ -103,7 +103,8 @@ def _spread(values: list[float]) -> dict[str, float]:
 def write(folder: str, kind: str, count: str) -> None:
     """The writing process: raw and ours by turns."""
     transport = Transport()
-    port: OutputPort[Any] = OutputPort(_TYPES[kind], queue=1000).own("bench", "samples")  # as long as raw pyzmq's
+    # As long as raw pyzmq's: with 8, a reader that stands still for 0.1 s misses a frame, and waits for it in vain.
+    port: OutputPort[Any] = OutputPort(_TYPES[kind], queue=1000).own("bench", "samples")
     transport.bind(port, [f"ipc://{folder}/ours"])
     socket = transport.context.socket(zmq.XPUB)
     socket.bind(f"ipc://{folder}/raw")

@@ -113,8 +113,9 @@ class Encoder:
 
     def __init__(self, schema: Schema, envelope: dict[str, Any]) -> None:
         self._plan, self._envelope = schema.plan, envelope
-        self._form: list[Any] = []  # texts, and shapes of the arrays, that the layout was made for
-        self._layout: Layout | None = None
+        # Texts, and shapes of the arrays, with the layout that was made for them: one value, since the thread that
+        # greets a late joiner with the last sample may come between two steps of the one that writes the next.
+        self._known: tuple[list[Any], Layout | None] = ([], None)
 
     def encode(self, sample: Any, data_time: int, seq: int) -> list[Any]:
         """Frames of one sample with its data time [us]."""
@@ -138,10 +139,12 @@ class Encoder:
                 slots.append(value)
             else:
                 form.append(value)
-        if form != self._form:
-            self._layout, self._form = self._layout_of(sample), form
+        known, layout = self._known
+        if layout is None or form != known:
+            layout = self._layout_of(sample)
+            self._known = form, layout
         try:
-            frames[0] = self._layout.pack(slots + small)  # type: ignore[union-attr]
+            frames[0] = layout.pack(slots + small)
         except struct.error:  # a number of more than 64 bits, or none at all
             return encode(sample, {**self._envelope, "seq": seq, "t": data_time, "tp": slots[2]})
         return frames

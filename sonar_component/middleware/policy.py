@@ -140,5 +140,8 @@ class Mailbox:
     def clear(self) -> None:
         """Forget what waits in a buffer; a data connection keeps its value, which still describes the world."""
         with self._lock:
+            was_full = self.full
             if self.policy.kind != "data":
                 self._waiting.clear()
+        if was_full:
+            self.on_room()  # what did not fit waits in the socket, and nothing else tells of it

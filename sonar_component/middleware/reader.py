@@ -95,7 +95,9 @@ class PortReader(Generic[T]):
         if self._visit is not None and self._visit.refused:
             return f": {self._visit.refused}"
         rejected = self.account.rejected
-        return f": refused {sum(rejected.values())} messages, {next(iter(rejected))}" if rejected else ""
+        if rejected:
+            return f": refused {sum(rejected.values())} messages, {next(iter(rejected))}"
+        return f"; {self.account.lost} were lost before" if self.account.lost else ""
 
     def __iter__(self) -> Iterator[T]:
         while True:

@@ -34,7 +34,7 @@ class Runner:
         self.slaves: list[Task] = []
         self.bell = Bell(loop)
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
-        self._arrivals = self._handled = 0
+        self._news = False  # since the last cycle; a flag, not a count: two threads that add one at once may add one
         self._deadline = 0.0
         self._stop = False
         self._thread = threading.Thread(target=self._run, name=task.name, daemon=True)
@@ -76,7 +76,7 @@ class Runner:
         return list(self.activity.ports) or list(self.task.inputs)
 
     def _arrived(self) -> None:
-        self._arrivals += 1
+        self._news = True
         self.bell.ring()
 
     def _run(self) -> None:
@@ -84,7 +84,7 @@ class Runner:
             self._run_commands()
             running = self.task.lifecycle.running
             if running and not self._was_running:
-                self._handled = self._arrivals - 1  # RTT: a task that is started is triggered once
+                self._news = True  # RTT: a task that is started is triggered once
                 self._deadline = time.monotonic()
             self._was_running = running
             if not running or self.stepped:
@@ -113,16 +113,16 @@ class Runner:
         self._cycle()
 
     def _port_driven(self) -> None:
-        if self._arrivals == self._handled:
+        if not self._news:
             timeout = self.activity.timeout if isinstance(self.activity, PortDriven) else None
             if not self.bell.wait(self._patience(timeout)) and not self._commands:
                 self._waited_in_vain(timeout)
             return
-        self._handled = self._arrivals
+        self._news = False
         before = self._pending()
         self._cycle()
-        if self._arrivals == self._handled and 0 < self._pending() < before:
-            self._handled -= 1  # a buffer that was read from holds more
+        if 0 < self._pending() < before:
+            self._news = True  # a buffer that was read from holds more
 
     def _patience(self, timeout: float | None) -> float:
         ages = [c.max_age / 4 for port in self.task.inputs.values() for c in port.connections if c.max_age is not None]

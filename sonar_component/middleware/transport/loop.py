@@ -6,11 +6,12 @@ half of what a pose takes in all. While a reader computes, this thread drains fo
 the mailbox than on the wire.
 
 libzmq's file descriptors tell of *changes* only: whoever touches a socket must afterwards empty it. `serve` of each
-watched object does so.
+watched object does so; where it fails half-way it is called again, or what is left in the socket would never show.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import select
 import threading
@@ -19,6 +20,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 _EVENTS = select.EPOLLIN
+_AFTER_FAILURE = 0.1  # [s], until something that raised is served again
+_log = logging.getLogger("transport")
 
 
 class Served(Protocol):
@@ -82,7 +85,7 @@ class Loop:
         with self._lock:
             self._served[served.fd] = served
         self._epoll.register(served.fd, _EVENTS)
-        self.call(served.serve)
+        self.call(lambda: self._serve(served))
 
     def remove(self, served: Served) -> None:
         """Stop watching."""
@@ -103,32 +106,49 @@ class Loop:
 
     def after(self, delay: float, function: Callable[[], None]) -> None:
         """Run a function once, in the loop's thread, about `delay` seconds from now."""
-        self._timers.append((time.monotonic() + delay, function))
+        self._set(delay, function)
         os.eventfd_write(self._bell, 1)
 
     def every(self, period: float, function: Callable[[], None]) -> None:
         """Run a function about every `period` seconds, in the loop's thread."""
 
         def again() -> None:
+            self._set(period, again)
             function()
-            self._timers.append((time.monotonic() + period, again))
 
-        self._timers.append((time.monotonic() + period, again))
+        self._set(period, again)
+
+    def _set(self, delay: float, function: Callable[[], None]) -> None:
+        with self._lock:
+            self._timers.append((time.monotonic() + delay, function))
 
     def _run(self) -> None:
         while not self._stop:
-            due = min((at for at, _ in self._timers), default=time.monotonic() + 1.0)
+            with self._lock:
+                due = min((at for at, _ in self._timers), default=time.monotonic() + 1.0)
             ready = self._epoll.poll(max(0.0, min(1.0, due - time.monotonic())))
             for fd, _ in ready:
                 served = self._served.get(fd)
                 if served is not None:
-                    served.serve()
+                    self._serve(served)
             self._run_calls()
+            for function in self._elapsed():
+                _guarded(function)
+
+    def _serve(self, served: Served | Attended) -> None:
+        if not _guarded(served.serve):
+            self.after(_AFTER_FAILURE, lambda: self._serve_again(served))
+
+    def _serve_again(self, served: Served | Attended) -> None:
+        if self._served.get(served.fd) is served:
+            self._serve(served)
+
+    def _elapsed(self) -> list[Callable[[], None]]:
+        with self._lock:
             now = time.monotonic()
-            elapsed = [timer for timer in self._timers if timer[0] <= now]
+            elapsed = [function for at, function in self._timers if at <= now]
             self._timers = [timer for timer in self._timers if timer[0] > now]
-            for _, function in elapsed:
-                function()
+        return elapsed
 
     def _run_calls(self) -> None:
         try:
@@ -138,7 +158,17 @@ class Loop:
         with self._lock:
             calls, self._calls = self._calls, []
         for function in calls:
-            function()
+            _guarded(function)
+
+
+def _guarded(function: Callable[[], None]) -> bool:
+    """Whether it went well; one failure must not end the thread on which all sockets of the process depend."""
+    try:
+        function()
+    except Exception:
+        _log.exception("a socket could not be served")
+        return False
+    return True
 
 
 class Bell:

@@ -7,6 +7,7 @@ would have to copy the whole sample into it in case somebody comes; this way not
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 from typing import Any
@@ -19,6 +20,7 @@ from sonar_component.middleware.ports import OutputPort
 from sonar_component.middleware.transport.rejections import Rejections, peer_of
 from sonar_component.middleware.transport.sockets import Socket, readable
 
+_log = logging.getLogger("transport")
 RUN_ID = os.urandom(8).hex()  # of this process, in every header
 _LAST = int(zmq.NOBLOCK)  # plain numbers: zmq's own take a microsecond to be joined, ten when that is rare
 _MORE = int(zmq.NOBLOCK | zmq.SNDMORE)
@@ -77,9 +79,10 @@ class Publisher:
 
     def _offer(self, frames: list[Any]) -> bool:
         with self._lock:
-            sent = self._send(frames)
-            self._take_subscriptions()
-        return sent
+            try:
+                return self._send(frames)
+            finally:
+                self._take_subscriptions()  # sending may have swallowed the descriptor's news of them
 
     def serve(self) -> None:
         """Take subscriptions."""
@@ -128,5 +131,11 @@ class Publisher:
     def _greet(self, name: bytes) -> None:
         """Give the last sample to one reader; a header with nothing in it where there is none yet."""
         last = self._port.last
-        if last is not None:
-            self._send([name, *self._encoder.encode(last.sample, last.time, last.seq)])
+        if last is None:
+            return
+        try:
+            frames = self._encoder.encode(last.sample, last.time, last.seq)
+        except Exception as error:  # it was written while nobody listened, so its writer was not told
+            _log.warning("the last sample of %s cannot be sent: %s", self._port.full_name, error)
+            return
+        self._send([name, *frames])

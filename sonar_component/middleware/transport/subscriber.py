@@ -6,6 +6,7 @@ HWM 1 or CONFLATE were the alternatives for "latest only": the first leaves 785 
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 import time
@@ -23,6 +24,7 @@ from sonar_component.middleware.schema import Schema
 from sonar_component.middleware.transport.rejections import Rejections
 from sonar_component.middleware.transport.sockets import Socket, readable
 
+_log = logging.getLogger("transport")
 _NOBLOCK = int(zmq.NOBLOCK)
 _MAX_PARTS = 258  # topic, header and as many buffers as a header may describe
 Decoder = Callable[[dict[str, Any], list[Any]], Any]
@@ -117,8 +119,10 @@ class Subscriber:
         if self._known is not None:
             self._known.learn(frame, header)
         if restarted:
-            self._count_restart()
+            before = self._run
             self._run, self._seq, self._cut = header["run"], header["seq"] - 1, False
+            if before:
+                self._count_restart()
         self._deliver(header["seq"], header["t"], sample, frame, buffers)
 
     def _deliver(self, seq: int, data_time: int, sample: Any, frame: memoryview, buffers: list[memoryview]) -> None:
@@ -131,9 +135,11 @@ class Subscriber:
         self._connection.deliver(Received(sample, data_time, seq, time.monotonic()))
 
     def _count_restart(self) -> None:
-        if self._run:
-            self._mailbox.account.restarts += 1
+        self._mailbox.account.restarts += 1
+        try:
             self.on_restart(self._connection.source)
+        except Exception:  # a task's own hook; whose thread we are in must go on
+            _log.exception("upstream_restarted failed")
 
     def _reject(self, reason: object) -> None:
         self.rejected.add(self._connection.source, str(reason))
