@@ -28,7 +28,10 @@ from sonar_component.sonars.settings import SonarSettings
 Pose = NDArray[np.float64]  # (4, 4) [m]
 
 _PLANNED_FOR = ("range", "min_range", "bin_count", "accuracy", "enable_attenuation", "attenuation_properties")
-_LOOK_AGAIN = 256  # [images], until the plan is checked against the scene as it is seen then
+# Until a plan is checked against the scene as it is seen then: the sooner the coarser it is, since the less it may see
+# of what has come into view, and the less looking costs.
+_IMAGES_PER_SAMPLE, _SOONEST, _LATEST = 1e-3, 32, 512
+_MOVED, _TURNED = 0.05, np.radians(5.0)  # [-] of the range, [rad], since the last look: below that nothing is new
 _TRIANGLE, _SAMPLE = 120.0, 15.0  # [ns] of processor time on llvmpipe; to a card neither is dear
 _SATURATED = 0.5  # [-], share of the bins at full scale from which an image says nothing
 
@@ -68,7 +71,8 @@ class FanImager:
         self._plan_poses = plan_poses
         self._context, self._software = context, is_software(context)
         self._renderer = FootprintRenderer(context)
-        self._level, self._due = START, 0
+        self._level, self._due, self._stale = START, 0, True
+        self._planned_from: tuple[Pose, int] = (np.eye(4), 0)
         self._tables: dict[tuple[int, bool], _Tables] = {}
         self._wide = False
         self._planned_for: tuple[World, int] | None = None
@@ -84,7 +88,7 @@ class FanImager:
         if not same_beams:
             self.beams, self._solid_angle, self._tables = beams, beams.solid_angle, {}
         if not same_beams or any(getattr(self._settings, name) != getattr(settings, name) for name in _PLANNED_FOR):
-            self._due = 0
+            self._stale = True
         self._settings = settings
 
     def echoes(self, world: World, X_WS: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -111,11 +115,12 @@ class FanImager:
 
     def _plan_if_due(self, world: World, X_WS: NDArray[np.float64]) -> None:
         geometry = (world, world.geometry_version)
-        if self._due > 0 and geometry == self._planned_for:
+        if geometry == self._planned_for and not self._stale:
             self._due -= 1
-            return
+            if self._due > 0 or not self._elsewhere(world, X_WS):
+                return
         in_use = self._level if geometry == self._planned_for else None
-        self._planned_for, self._due = geometry, _LOOK_AGAIN
+        self._planned_for, self._planned_from, self._stale = geometry, (X_WS.copy(), world.pose_version), False
         poses = self._plan_poses(X_WS)
         if in_use is None:
             self._renderer.geometry.update(world)
@@ -128,6 +133,16 @@ class FanImager:
         )
         if self.estimated_error == 0.0:  # nothing was seen, which is no reason to look less closely
             self._level = min(START, highest_level(self.beams))
+        layout = self._table(self._level).layout
+        patience = np.clip(_IMAGES_PER_SAMPLE * layout.columns * layout.rows, _SOONEST, _LATEST)
+        self._due = int(patience) * len(poses)
+
+    def _elsewhere(self, world: World, X_WS: Pose) -> bool:
+        """Whether the sonar or a body has moved since the last look."""
+        X_before, bodies = self._planned_from
+        away = float(np.linalg.norm(X_WS[:3, 3] - X_before[:3, 3]))
+        turned = (float((X_WS[:3, :3] * X_before[:3, :3]).sum()) - 1) / 2  # cosine of the angle
+        return away > _MOVED * self._settings.range or turned < np.cos(_TURNED) or world.pose_version != bodies
 
     def _cost(self, X_WS: Pose, wide: bool) -> float:
         """Rough cost of an image in wide or narrow views [ns]."""

@@ -2,8 +2,8 @@
 
 The error of an image depends on what is in it: a flat floor is exact at once, a wreck with ribs and shadow edges needs
 more. So the planner renders the scene on two levels of a ladder and takes their difference as the error of the coarser
-one, going up or down until the cheapest level that meets the target is found. It looks when settings or
-geometry change and now and then while running. A formula of beams, bins and aperture alone lost: between the standard
+one, going up or down until the cheapest level that meets the target is found. It looks when settings or geometry
+change, and now and then while something moves. A formula of beams, bins and aperture alone lost: between the standard
 scenes the same samples differ five times in error.
 """
 
@@ -25,7 +25,9 @@ LADDER = (
 START = 7  # [level]
 _FINER = 3  # [levels], of the image that a level is compared with: neighbours share too much of their error
 _COARSER = 1.15  # [-], error of a level relative to that difference: 1.0 to 1.2 on scenes with a reference
-_GAIN = 0.7  # [-], least part of the error that the next level leaves: usually 0.77
+_GAIN = 0.7  # [-], least part of the error that the next level leaves
+_USUAL, _USUAL_GAIN = 0.2, 0.77  # [-], error of level 0 on scenes with a reference, and what each level leaves of it
+_BELOW = 4  # [levels] that an easy scene may stay below usual ones: something small may come into view any time
 _WORSE = 0.85  # [-], error of a level relative to that of the next lower one: at most, where looking is worth it
 _SLACK = 0.8  # [-], of the target: leaving a level that is in use for a lower one needs this much room
 _WIDEST = np.radians(2.0)  # [rad], of a column with one column per beam: keeps footprints local in wide beams
@@ -73,10 +75,18 @@ def highest_level(beams: BeamTable) -> int:
     return level
 
 
+def lowest_level(accuracy: float) -> int:
+    """The coarsest level for an accuracy [-], however little is in sight."""
+    usual = np.log(min(accuracy, _USUAL) / _USUAL) / np.log(_USUAL_GAIN)
+    return int(np.clip(usual - _BELOW, 0, len(LADDER) - 1))
+
+
 def choose_level(
     energy_image: Callable[[int], NDArray[np.float32]], accuracy: float, highest: int, in_use: int | None = None
 ) -> tuple[int, float]:
     """The coarsest level that meets a target, and its estimated energy error [-]; NaN where there is but one level.
+
+    It is never lower than ``lowest_level``.
 
     Parameters
     ----------
@@ -100,12 +110,13 @@ def choose_level(
     def estimate(level: int) -> float:
         if level == highest:  # it has no finer one to be compared with: what the ladder promises
             coarser = max(level - _FINER, 0)
-            return estimate(coarser) * float((_GAIN + 0.07) ** (level - coarser))
+            return estimate(coarser) * float(_USUAL_GAIN ** (level - coarser))
         finer = image(min(level + _FINER, highest))
         norm = float(np.linalg.norm(finer))
         return _COARSER * float(np.linalg.norm(finer - image(level))) / norm if norm > 0 else 0.0
 
-    level = min(START if in_use is None else in_use, highest)
+    lowest = min(lowest_level(accuracy), highest)
+    level = min(max(START if in_use is None else in_use, lowest), highest)
     error = estimate(level)
     if error > accuracy:
         while error > accuracy and level < highest:
@@ -114,7 +125,7 @@ def choose_level(
             error = estimate(level)
         return level, error
     room = accuracy if in_use is None else _SLACK * accuracy
-    while level > 0 and error <= _WORSE * room:
+    while level > lowest and error <= _WORSE * room:
         lower = estimate(level - 1)
         if lower > room:
             break

@@ -223,3 +223,24 @@ def test_memory_is_flat_over_frames(make: Any) -> None:
         sonar.ping(scene, each)
     # 500 frames of 25 kB each would be 12 MB if they were kept; pages of the allocator come and go by some hundred kB.
     assert resident() - before < 3_000_000
+
+
+def test_what_comes_into_view_is_looked_at_again_and_what_stands_still_is_not(make: Any) -> None:
+    """A flat floor is exact on few samples; heaps of balls are not."""
+    sonar = make(settings(normalization="energy"))
+    heap = [(sphere(0.15), (30.0 + x, y, -1.0)) for x in np.arange(3, 8, 0.8) for y in np.arange(-3, 3.5, 0.8)]
+    scene = world(floor(1.2), *heap)
+    sonar.ping(scene, pose())
+    alone = sonar._imager._level
+    for step in range(200):
+        sonar.ping(scene, pose((0.15 * step, 0, 0)))
+    among = sonar._imager._level
+    assert among > alone
+    planned = sonar._imager._planned_from
+    for _ in range(700):
+        sonar.ping(scene, pose((30.0, 0, 0)))
+    assert sonar._imager._planned_from is not planned  # it stands elsewhere than at its last look, once
+    planned = sonar._imager._planned_from
+    for _ in range(700):
+        sonar.ping(scene, pose((30.0, 0, 0)))
+    assert sonar._imager._planned_from is planned

@@ -9,7 +9,7 @@ import pytest
 
 from sonar_component.echo.beams import BeamTable, equal_angle, equal_sine, from_list
 from sonar_component.render.layout import build_layout
-from sonar_component.sonars.plan import LADDER, START, choose_level, highest_level, plan_at
+from sonar_component.sonars.plan import LADDER, START, choose_level, highest_level, lowest_level, plan_at
 
 DEG = np.pi / 180
 MOST_TEXELS = 16384  # along each side of a texture, that every OpenGL 4.3 has
@@ -44,7 +44,7 @@ def test_the_chosen_level_meets_the_target_and_a_much_coarser_one_does_not(accur
     # An error is taken a quarter too large here (1.15 of a difference that holds the finer image's error too), which is
     # one level; leaving a level in use for a lower one needs a fifth of the target as room, which is another.
     spare = 2 if in_use is None or renderer.errors[in_use] > accuracy else 3
-    assert level < spare or renderer.errors[level - spare] > accuracy
+    assert level - spare < lowest_level(accuracy) or renderer.errors[level - spare] > accuracy
 
 
 @pytest.mark.parametrize("in_use", [None, START])
@@ -56,11 +56,21 @@ def test_a_difficult_scene_is_approached_in_few_images(in_use: int | None) -> No
 
 def test_an_exact_scene_takes_the_coarsest_level() -> None:
     level, error = choose_level(Renderer(*np.zeros(len(LADDER))), 0.02, HIGHEST)
-    assert (level, error) == (0, 0.0)
+    assert (level, error) == (lowest_level(0.02), 0.0)
 
 
 def test_an_empty_scene_takes_the_coarsest_level_and_divides_by_nothing() -> None:
-    assert choose_level(lambda level: np.zeros((4, 25), np.float32), 0.02, HIGHEST) == (0, 0.0)
+    empty = choose_level(lambda level: np.zeros((4, 25), np.float32), 0.02, HIGHEST)
+    assert empty == (lowest_level(0.02), 0.0)
+
+
+def test_an_easy_scene_is_still_drawn_on_more_samples_the_higher_the_accuracy() -> None:
+    """Something small may come into view between two looks."""
+    lowest = [lowest_level(accuracy) for accuracy in (1.0, 0.1, 0.05, 0.02, 0.01, 0.003, 1e-9)]
+    assert lowest == sorted(lowest)
+    assert lowest[0] == 0
+    assert 2 <= lowest[3] < START
+    assert lowest[-1] == HIGHEST
 
 
 def test_a_target_out_of_reach_ends_at_the_finest_level_and_says_what_is_left() -> None:
@@ -74,7 +84,7 @@ def test_a_target_out_of_reach_ends_at_the_finest_level_and_says_what_is_left() 
 @pytest.mark.parametrize("start", [None, 0, START, HIGHEST])
 def test_no_level_beyond_the_highest_is_ever_rendered(highest: int, start: int | None) -> None:
     for renderer in (falling(0.1), Renderer(*np.linspace(0.9, 0.5, len(LADDER))), Renderer(*np.zeros(len(LADDER)))):
-        level, _ = choose_level(renderer, 0.002, highest, start)
+        level, _ = choose_level(renderer, 0.01, highest, start)
         assert 0 <= level <= highest
         assert all(0 <= asked <= highest for asked in renderer.asked)
 
