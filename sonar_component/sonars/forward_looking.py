@@ -19,13 +19,14 @@ from sonar_component.sonars.settings import ForwardLookingSettings
 class ForwardLookingSonar:
     """Renders pings.
 
-    Use it on the thread that made the context. Assign ``settings`` to change any of them from the next ping on.
+    Use it on the thread that made the context. Settings may be assigned, all or one of them, from the next ping on.
     """
 
     def __init__(self, context: Context, settings: ForwardLookingSettings | None = None) -> None:
         self._settings = settings or ForwardLookingSettings()
-        self._imager = FanImager(context, self._settings, self._settings.beam_table())
-        self._receiver = Receiver(self._settings)
+        self._taken_over, own = self._settings.changes, self._settings.model_copy()
+        self._imager = FanImager(context, own, own.beam_table())
+        self._receiver = Receiver(own)
 
     @property
     def settings(self) -> ForwardLookingSettings:
@@ -34,8 +35,9 @@ class ForwardLookingSonar:
 
     @settings.setter
     def settings(self, settings: ForwardLookingSettings) -> None:
-        self._imager.adopt(settings, settings.beam_table())
-        self._receiver.adopt(settings)
+        self._taken_over, own = settings.changes, settings.model_copy()
+        self._imager.adopt(own, own.beam_table())
+        self._receiver.adopt(own)
         self._settings = settings
 
     def ping(self, world: World, pose: RigidBodyState, rng: np.random.Generator | None = None) -> Sonar:
@@ -55,6 +57,7 @@ class ForwardLookingSonar:
             If the pose is not finite or not a rotation.
         """
         pose.validate()
+        self._catch_up()
         X_WS = pose.transform()
         bins = self._moving(world, pose) if self._settings.in_ping_motion else self._imager.echoes(world, X_WS)
         return self._sample(self._receiver.fan(bins, X_WS, rng), pose)
@@ -62,6 +65,7 @@ class ForwardLookingSonar:
     def truth(self, world: World, pose: RigidBodyState) -> Truth:
         """What stands behind each bin of the ping from that pose."""
         pose.validate()
+        self._catch_up()
         return self._imager.truth(world, pose.transform())
 
     def shader_image(self, time: int) -> Frame:
@@ -83,6 +87,10 @@ class ForwardLookingSonar:
     def release(self) -> None:
         """Give GPU memory and threads back."""
         self._imager.release()
+
+    def _catch_up(self) -> None:
+        if self._settings.changes != self._taken_over:
+            self.settings = self._settings
 
     def _moving(self, world: World, pose: RigidBodyState) -> NDArray[np.float32]:
         s, beams = self._settings, self._imager.beams

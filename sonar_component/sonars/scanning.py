@@ -26,7 +26,7 @@ _UP = np.array([0.0, 0.0, 1.0])  # the head's axis, in the frame of its base
 class ScanningSonar:
     """Renders pings of one beam; the head moves when told to.
 
-    Use it on the thread that made the context. Assign ``settings`` to change any of them from the next ping on.
+    Use it on the thread that made the context. Settings may be assigned, all or one of them, from the next ping on.
 
     Attributes
     ----------
@@ -36,9 +36,11 @@ class ScanningSonar:
 
     def __init__(self, context: Context, settings: ScanningSettings | None = None) -> None:
         self._settings = settings or ScanningSettings()
-        self._imager = FanImager(context, self._settings, self._settings.beam_table(), self._all_round)
-        self._receiver = Receiver(self._settings)
-        self.head = ScanHead(self._settings)
+        self._taken_over, own = self._settings.changes, self._settings.model_copy()
+        self._imager = FanImager(context, own, own.beam_table(), self._all_round)
+        self._receiver = Receiver(own)
+        self.head = ScanHead(own)
+        self._path = _path(own)
         self._looks_at = 0.0
 
     @property
@@ -48,10 +50,11 @@ class ScanningSonar:
 
     @settings.setter
     def settings(self, settings: ScanningSettings) -> None:
-        self._imager.adopt(settings, settings.beam_table())
-        self._receiver.adopt(settings)
-        if _path(settings) != _path(self._settings):
-            bearing, self.head = self.head.bearing, ScanHead(settings)
+        self._taken_over, own = settings.changes, settings.model_copy()
+        self._imager.adopt(own, own.beam_table())
+        self._receiver.adopt(own)
+        if _path(own) != self._path:
+            bearing, self.head, self._path = self.head.bearing, ScanHead(own), _path(own)
             self.head.look_at(bearing)
         self._settings = settings
 
@@ -80,6 +83,7 @@ class ScanningSonar:
             If the pose is not finite or not a rotation.
         """
         pose.validate()
+        self._catch_up()
         bearing = self.head.bearing if bearing is None else wrapped(bearing)
         X_WS, self._looks_at = pose.transform(), bearing
         if self._settings.in_ping_motion:
@@ -92,6 +96,7 @@ class ScanningSonar:
     def truth(self, world: World, pose: RigidBodyState, bearing: float | None = None) -> Truth:
         """What stands behind each bin of the ping from that pose."""
         pose.validate()
+        self._catch_up()
         bearing = self.head.bearing if bearing is None else bearing
         self._looks_at = bearing
         return self._imager.truth(world, pose.transform() @ _about_z(bearing))
@@ -115,6 +120,10 @@ class ScanningSonar:
     def release(self) -> None:
         """Give GPU memory and threads back."""
         self._imager.release()
+
+    def _catch_up(self) -> None:
+        if self._settings.changes != self._taken_over:
+            self.settings = self._settings
 
     def _all_round(self, X_WS: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Poses of the head spread over its sector, X_WS (4, 4) among them."""

@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, field_validator, model_validator
 
 from sonar_component.acoustics.absorption import absorption, nepers_per_metre
 from sonar_component.echo import beams
@@ -150,11 +150,20 @@ class SonarSettings(BaseModel):
             raise ValueError(f"min_range must be below range ({self.range:g} m), got {self.min_range:g} m")
         return self
 
+    _changes: int = PrivateAttr(0)
+
+    @property
+    def changes(self) -> int:
+        """How often a property was assigned: tells a sonar that its settings are not those that it took over."""
+        return self._changes
+
     def __setattr__(self, name: str, value: object) -> None:
         """Assign a property, or refuse it and keep the old value."""
         kept = dict(self.__dict__)
         try:
             super().__setattr__(name, value)
+            if name != "_changes":
+                self._changes += 1
         except ValidationError:
             # pydantic checks how properties go together only after it has stored the new value.
             self.__dict__.update(kept)
