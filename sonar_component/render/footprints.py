@@ -17,9 +17,11 @@ from sonar_component.render.packing import instance_format
 Array = NDArray[np.float64]
 
 _NEAREST = 1 / 2000  # [-], of the range: depth of 24 bits then parts surfaces that lie 1e-4 of it behind each other
-# [-], of the range: a cell whose centre lies beyond the last bin may still reach into it, from twice as far on a floor
-# just below the horizon. A tile of a terrain that begins so far away spans few cells, and the more of them cost.
-_DRAWN_BEYOND, _TILES_BEYOND = 2.0, 1.25
+# A cell whose centre lies beyond the last bin may still reach into it: from twice the range on a floor just below the
+# horizon. Tiles that lie there altogether cost much and matter little, so they are drawn only as far as a cell reaches
+# on a floor that is seen at _FLATTEST, and a quarter of the range at most.
+_DRAWN_BEYOND = 2.0  # [-], of the range
+_FLATTEST, _MOST_BEYOND = 1 / 32, 0.25  # [rad], [-] of the range
 _CLIP_DISTANCE_0 = 0x3000  # GL_CLIP_DISTANCE0, which moderngl does not name
 _NORMAL_UNIT, _REFLECTANCE_UNIT = 0, 1  # where the pictures are bound
 _PICTURES = {"NORMAL_MAP", "REFLECTANCE_MAP"}
@@ -108,7 +110,8 @@ class FootprintRenderer:
 
     def _draws(self, X_WS: Array, layout: Layout, optics: Optics) -> tuple[Draws, Array]:
         view = layout.views[0]
-        near, far = near_plane(optics), _TILES_BEYOND * optics.range_max
+        beyond = min(view.y_step / 2 / _FLATTEST, _MOST_BEYOND)
+        near, far = near_plane(optics), (1 + beyond) * optics.range_max
         sight = Sight(layout.azimuths, view.half_width, view.y_step * view.rows / 2, near, far)
         X_SM = self.geometry.place(X_WS)
         return choose(self.geometry.packed, X_SM, sight), X_SM
