@@ -25,7 +25,13 @@ class SettingsErrors(SettingsError):
         super().__init__("\n".join(str(error) for error in self.errors))
 
 
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """The allowed name that was most likely meant, or the empty string."""
+    near = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
+    return near[0] if near else ""
+
+
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """`` (did you mean "x"?)`` for the nearest allowed name, or the empty string."""
-    near = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
-    return f' (did you mean "{near[0]}"?)' if near else ""
+    near = nearest(name, allowed)
+    return f' (did you mean "{near}"?)' if near else ""

@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from sonar_component.settings.errors import SettingsError
+from sonar_component.settings.errors import SettingsError, SettingsErrors
 
 KeyPath = tuple[str | int, ...]
 
@@ -94,14 +94,19 @@ class Document:
         return value
 
 
-def load_yaml(path: str | Path, text: str | None = None) -> Document:
+def load_yaml(path: str | Path, text: str | None = None, repeated: list[SettingsError] | None = None) -> Document:
     """Read one YAML document (or ``text`` in the name of ``path``).
+
+    Parameters
+    ----------
+    repeated : is given the keys that stand twice, of which the first then counts, by a caller who looks for more.
 
     Raises
     ------
     SettingsError
         If the file cannot be read, is not YAML, or repeats a key.
     """
+    twice: list[SettingsError] = [] if repeated is None else repeated
     file = str(path)
     if text is None:
         try:
@@ -109,7 +114,7 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
         except (OSError, UnicodeDecodeError) as error:
             raise SettingsError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file) from None
     try:
-        data, positions = _read(text, file)
+        data, positions = _read(text, file, twice)
     except SettingsError:
         raise
     except yaml.MarkedYAMLError as error:
@@ -119,10 +124,12 @@ def load_yaml(path: str | Path, text: str | None = None) -> Document:
         raise SettingsError(f"is not YAML: {words}", file, line, column) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise SettingsError(f"is not YAML: {str(error).splitlines()[0]}", file) from None
+    if twice and repeated is None:
+        raise twice[0] if len(twice) == 1 else SettingsErrors(twice)
     return Document(data, file, positions)
 
 
-def _read(text: str, file: str) -> tuple[Any, dict[KeyPath, tuple[int, int]]]:
+def _read(text: str, file: str, twice: list[SettingsError]) -> tuple[Any, dict[KeyPath, tuple[int, int]]]:
     """The data, and where each key stands."""
     loader = _Loader(text)
     positions: dict[KeyPath, tuple[int, int]] = {}
@@ -130,7 +137,7 @@ def _read(text: str, file: str) -> tuple[Any, dict[KeyPath, tuple[int, int]]]:
         node = loader.get_single_node()
         if node is None:
             return None, positions
-        _walk(node, (), file, positions, 0)
+        _Walk(file, positions, twice).walk(node, ())
         return loader.construct_document(node), positions
     finally:
         loader.dispose()
@@ -172,20 +179,37 @@ def _mapping(value: Any, fault: SettingsError) -> dict[str, Any]:
 _MAX_DEPTH = 50  # [-], far above any file of ours; bounds what an alias can unfold
 
 
-def _walk(node: yaml.Node, path: KeyPath, file: str, positions: dict[KeyPath, tuple[int, int]], depth: int) -> None:
-    """Note where each key stands; refuse repeated keys and endless nesting."""
-    if depth > _MAX_DEPTH or len(positions) > 100_000:
-        raise SettingsError("is nested too deeply", file, node.start_mark.line + 1, node.start_mark.column + 1)
-    positions.setdefault(path, (node.start_mark.line + 1, node.start_mark.column + 1))
-    if isinstance(node, yaml.SequenceNode):
-        for index, child in enumerate(node.value):
-            _walk(child, (*path, index), file, positions, depth + 1)
-    if isinstance(node, yaml.MappingNode):
-        for key_node, child in node.value:
-            line, column = key_node.start_mark.line + 1, key_node.start_mark.column + 1
-            below = (*path, str(key_node.value))
-            if below in positions:
-                message = f"stands twice, first in line {positions[below][0]}"
-                raise SettingsError(message, file, line, column, ".".join(map(str, below)))
-            positions[below] = (line, column)
-            _walk(child, below, file, positions, depth + 1)
+@dataclass
+class _Walk:
+    """Notes where each key stands; leaves out repeated keys and refuses endless nesting."""
+
+    file: str
+    positions: dict[KeyPath, tuple[int, int]]
+    twice: list[SettingsError]
+
+    def walk(self, node: yaml.Node, path: KeyPath, depth: int = 0) -> None:
+        if depth > _MAX_DEPTH or len(self.positions) > 100_000:
+            line, column = _start(node)
+            raise SettingsError("is nested too deeply", self.file, line, column)
+        self.positions.setdefault(path, _start(node))
+        if isinstance(node, yaml.SequenceNode):
+            for index, child in enumerate(node.value):
+                self.walk(child, (*path, index), depth + 1)
+        if isinstance(node, yaml.MappingNode):
+            node.value = [pair for pair in node.value if self._is_new(pair, path, depth)]
+
+    def _is_new(self, pair: tuple[yaml.Node, yaml.Node], path: KeyPath, depth: int) -> bool:
+        key, child = pair
+        below = (*path, str(key.value))
+        if below in self.positions:
+            line, column = _start(key)
+            message = f"stands twice, first in line {self.positions[below][0]}"
+            self.twice.append(SettingsError(message, self.file, line, column, ".".join(map(str, below))))
+            return False
+        self.positions[below] = _start(key)
+        self.walk(child, below, depth + 1)
+        return True
+
+
+def _start(node: yaml.Node) -> tuple[int, int]:
+    return node.start_mark.line + 1, node.start_mark.column + 1

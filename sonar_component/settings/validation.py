@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from sonar_component.settings.errors import SettingsError, SettingsErrors, suggest
+from sonar_component.settings.errors import SettingsError, SettingsErrors, nearest, suggest
 from sonar_component.settings.loader import Document, KeyPath
 from sonar_component.settings.quantity import UNITS, Dimension, describe
 
@@ -65,12 +65,22 @@ def explain(model: type[BaseModel], data: Any, items: Sequence[Any]) -> list[tup
         places.setdefault(_place(data, item["loc"]), []).append(item)
     # [1 deg, 2 m] is not one of the allowed words either; what is wrong is its second item.
     blunt = [place for place in places if any(len(p) > len(place) > 0 and p[: len(place)] == place for p in places)]
+    blunt += _meant(model, places)
     mistakes = []
     for place in (place for place in places if place not in blunt):
         words = ", or ".join(dict.fromkeys(_words(model, place, item) for item in places[place]))
         got = f", got {places[place][0]['input']!r}" if _wants_value(places[place], words) else ""
-        mistakes.append((place, words + got + (_word_hint(places[place]) or _unit_hint(model, data, place))))
+        mistakes.append(
+            (place, words + got + (_word_hint(places[place]) or _unit_hint(model, data, place, places[place])))
+        )
     return mistakes
+
+
+def _meant(model: type[BaseModel], places: dict[KeyPath, list[Any]]) -> list[KeyPath]:
+    """Keys that are missing because an unknown one beside them is a slip of theirs."""
+    unknown = [place for place, items in places.items() if items[0]["type"] == "extra_forbidden"]
+    meant = [(*place[:-1], nearest(str(place[-1]), fields_at(model, place[:-1]))) for place in unknown]
+    return [place for place in meant if place in places and places[place][0]["type"] == "missing"]
 
 
 def _place(data: Any, location: Sequence[str | int]) -> KeyPath:
@@ -88,7 +98,7 @@ def _words(model: type[BaseModel], place: KeyPath, item: Any) -> str:
     if item["type"] == "missing":
         return "is required"
     if item["type"] == "extra_forbidden":
-        names = _fields_at(model, place[:-1])
+        names = fields_at(model, place[:-1])
         hint = suggest(str(place[-1]), names) or (f"; allowed: {', '.join(names)}" if names else "")
         return f"is not a known key{hint}"
     if item["type"] in _BOUNDS:
@@ -119,11 +129,13 @@ def _with_unit(model: type[BaseModel], place: KeyPath, bound: float) -> str:
     return describe(bound, dimension) if dimension else f"{bound:g}"
 
 
-def _unit_hint(model: type[BaseModel], data: Any, place: KeyPath) -> str:
+def _unit_hint(model: type[BaseModel], data: Any, place: KeyPath, items: list[Any]) -> str:
     """A unit with which a refused bare number would be good: ``beam_width: 120`` must have meant degrees."""
     value = _at(data, place)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not place:
         return ""
+    if any(item["type"] in (*_KINDS, "string_type") for item in items):
+        return ""  # it would be good as any text is
     trial = copy.deepcopy(data)
     for unit in dict.fromkeys(unit for units in UNITS.values() for unit in units if unit):
         _at(trial, place[:-1])[place[-1]] = text = f"{value} {unit}"
@@ -155,7 +167,7 @@ def _field_at(model: type[BaseModel], place: KeyPath) -> Any:
     return field
 
 
-def _fields_at(model: type[BaseModel], place: KeyPath) -> list[str]:
+def fields_at(model: type[BaseModel], place: KeyPath) -> list[str]:
     """Field names of the (nested) model at a place."""
     current: Any = model
     for part in place:

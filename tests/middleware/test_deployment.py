@@ -7,6 +7,7 @@ import pytest
 
 from sonar_component.middleware.deployment import Plan, check_deployment
 from sonar_component.settings import SettingsError
+from sonar_component.settings.errors import SettingsErrors
 
 GOOD = """\
 version: 1
@@ -98,7 +99,7 @@ def test_every_mistake_is_named_with_its_line(tmp_path: Path, good: str, bad: st
     assert good in GOOD
     with pytest.raises(SettingsError) as caught:
         check(tmp_path, GOOD.replace(good, bad, 1))
-    text = str(caught.value)
+    (text,) = str(caught.value).splitlines()  # and nothing that only follows from it
     assert message in text
     assert f"deployment.yaml:{line}:" in text
 
@@ -123,6 +124,105 @@ def test_all_mistakes_are_told_at_once_and_in_order(tmp_path: Path) -> None:
         check(tmp_path, wrong)
     lines = [line.split(":")[1] for line in str(caught.value).splitlines()]
     assert lines == ["4", "9", "9", "11"]
+
+
+EVERY_MISTAKE = """\
+version: 2
+nmae: everything
+clock: {mode: sim, rate: fast}
+defaults: {restart: allways, hang_timeout: 10 m}
+hosts:
+  vehicle: {address: 10.0.0.4}
+  topside: {address: "not an address!"}
+insecure: perhaps
+tasks:
+  pose: {type: VehiclePoseTask, activity: {periodic: 20 m}}
+  scene: {type: SeneTask, properties: {world: nowhere.yaml}, process: [a]}
+  other: {typ: SceneTask, properties: {world: nowhere.yaml}, host: vehicel}
+  third: {properties: {}}
+  fourth: 5
+  9th: {type: ViewerTask}
+  slave: {type: VehiclePoseTask, activity: {slave: pos}}
+  bogus: {type: VehiclePoseTask, activity: {bogus: 3}, max_restarts: -1}
+  fls:
+    type: MultibeamSonarTask
+    process: ../gpu
+    config: [configs/sonars/gemini_720.yaml]
+    properties: {range: 30 deg, gain: 7, rnage: 4}
+    activity: {port_driven: [sonar_pose_cdm]}
+  fls:
+    type: MultibeamSonarTask
+  msis: {type: ScanningSonarTask, properties: 5}
+connections:
+  - {from: pose.pose_samples, to: [fls.sonar_pose_cdm], policy: latest, max_age: 500 m}
+  - {from: pose.pose_sample, to: fls.sonar_pose_cmd, policy: {buffer: 0}}
+  - {from: fls.sonar_samples, to: [fls.sonar_pose_cmd], policyy: data}
+  - {to: [nobody.there]}
+  - {from: pose.pose_samples, to: 7}
+  - hello
+"""
+ALL_OF_THEM = [  # line, column, key
+    (1, 1, "version"), (2, 1, "nmae"), (3, 20, "clock.rate"), (4, 12, "defaults.restart"),
+    (4, 30, "defaults.hang_timeout"), (7, 13, "hosts.topside.address"), (8, 1, "insecure"),
+    (10, 44, "tasks.pose.activity.periodic"), (11, 11, "tasks.scene.type"), (11, 62, "tasks.scene.process"),
+    (12, 11, "tasks.other.typ"), (12, 40, "tasks.other.properties.world"), (12, 62, "tasks.other.host"),
+    (13, 3, "tasks.third.type"), (14, 3, "tasks.fourth"), (15, 3, "tasks.9th"), (16, 45, "tasks.slave.activity.slave"),
+    (17, 45, "tasks.bogus.activity.bogus"), (17, 56, "tasks.bogus.max_restarts"), (20, 5, "tasks.fls.process"),
+    (21, 14, "tasks.fls.config.0"), (22, 18, "tasks.fls.properties.range"), (22, 33, "tasks.fls.properties.gain"),
+    (22, 42, "tasks.fls.properties.rnage"), (23, 30, "tasks.fls.activity.port_driven.0"), (24, 3, "tasks.fls"),
+    (26, 35, "tasks.msis.properties"), (28, 36, "connections.0.to.0"), (28, 57, "connections.0.policy"),
+    (28, 73, "connections.0.max_age"), (29, 6, "connections.1.from"), (29, 63, "connections.1.policy.buffer"),
+    (30, 36, "connections.2.to.0"), (30, 57, "connections.2.policyy"), (31, 5, "connections.3.from"),
+    (31, 11, "connections.3.to.0"), (32, 31, "connections.4.to"), (33, 5, "connections.5"),
+]  # fmt: skip
+
+
+def test_one_mistake_of_each_kind_is_told_once_in_one_go_and_in_order(tmp_path: Path) -> None:
+    with pytest.raises(SettingsErrors) as caught:
+        check(tmp_path, EVERY_MISTAKE)
+    assert [(error.line, error.column, error.key) for error in caught.value.errors] == ALL_OF_THEM
+
+
+ACROSS_HOSTS = """\
+version: 1
+hosts:
+  vehicle: {address: 10.0.0.4}
+  topside: {address: 127.0.0.1}
+clock: {mode: sim}
+tasks:
+  pose: {type: VehiclePoseTask, host: vehicle}
+  fls: {type: MultibeamSonarTsk, host: topside}
+connections:
+  - {from: pose.pose_samples, to: [fls.sonar_pose_cmd], policy: {reliable: 2}}
+"""
+
+
+def test_mistakes_across_hosts_are_told_beside_a_wrong_type(tmp_path: Path) -> None:
+    with pytest.raises(SettingsErrors) as caught:
+        check(tmp_path, ACROSS_HOSTS)
+    assert [error.key for error in caught.value.errors] == [
+        "hosts.vehicle", "clock.mode", "tasks.fls.type", "connections.0",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sections", "message"),
+    [
+        ("sections: 5", r"fls\.yaml:1:1: sections: must be a mapping of keys to values, got 5"),
+        ("sections: {default: 5}", r"fls\.yaml:1:12: sections\.default: must be a mapping of keys to values, got 5"),
+        ("range: 3\nrange: 4\ngain: 1\ngain: 1", r"fls\.yaml:2:1: range: stands twice.*\n.*yaml:4:1: gain: stands"),
+    ],
+)
+def test_a_config_file_of_another_form_is_told_of(tmp_path: Path, sections: str, message: str) -> None:
+    (tmp_path / "fls.yaml").write_text(sections)
+    with pytest.raises(SettingsErrors, match=message):
+        check(tmp_path, GOOD.replace("configs/sonars/gemini_720i.yaml", "fls.yaml"))
+
+
+@pytest.mark.parametrize("tasks", ["5", "[a]", "{fls: 5}", "{fls: {type: ViewerTask, properties: 5}}", "{5: {}}", ""])
+def test_values_from_the_command_line_are_laid_over_tasks_alone(tmp_path: Path, tasks: str) -> None:
+    with pytest.raises(SettingsError):
+        check(tmp_path, f"version: 1\ntasks: {tasks}\n", overrides={"fls": {"range": 9}})
 
 
 def test_sections_of_config_files_are_laid_over_each_other_from_left_to_right(tmp_path: Path) -> None:

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from sonar_component.middleware.deployment.file import ActivityFile, ConnectionFile, DeploymentFile, TaskFile
+from sonar_component.middleware.deployment.hosts import Hosts
 from sonar_component.middleware.deployment.overlay import task_properties
 from sonar_component.middleware.deployment.plan import ConnectionPlan, Plan, RestartPlan, TaskPlan
+from sonar_component.middleware.deployment.sound import UNSOUND, Sound, in_order, sound_part
 from sonar_component.middleware.deployment.task_types import task_type
 from sonar_component.middleware.policy import Policy
 from sonar_component.middleware.ports import InputPort, OutputPort
@@ -19,7 +21,6 @@ from sonar_component.middleware.rundir import is_name
 from sonar_component.middleware.task import Activity, Periodic, PortDriven, Task, ports_of
 from sonar_component.settings.errors import SettingsError, SettingsErrors, suggest
 from sonar_component.settings.loader import Document, KeyPath, load_yaml
-from sonar_component.settings.validation import validate
 
 Overrides = Mapping[str, Mapping[str, Any]]
 
@@ -38,26 +39,35 @@ def check_deployment(path: str | Path, overrides: Overrides | None = None, name:
     SettingsErrors
         All mistakes, each with file, line, column and the nearest valid name.
     """
-    document = load_yaml(path)
+    repeated: list[SettingsError] = []
+    document = load_yaml(path, repeated=repeated)
     _override(document, overrides or {})
-    return _Checker(document, validate(DeploymentFile, document)).plan(name)
+    sound = sound_part(document)
+    sound.mistakes += repeated
+    if sound.file is None:
+        raise in_order(sound.mistakes, document.file)
+    return _Checker(sound, sound.file).plan(name)
 
 
 def _override(document: Document, overrides: Overrides) -> None:
-    tasks = document.at(("tasks",)) or {}
-    for task, values in overrides.items():
+    tasks = document.at(("tasks",))
+    for task, values in overrides.items() if isinstance(tasks, dict) else ():
         if task not in tasks:
-            raise SettingsError(f"--set: no task {task!r}{suggest(task, tasks)}; there are: {', '.join(tasks)}")
-        tasks[task] = {**tasks[task], "properties": {**(tasks[task].get("properties") or {}), **values}}
+            known = ", ".join(map(str, tasks))
+            raise SettingsError(f"--set: no task {task!r}{suggest(task, map(str, tasks))}; there are: {known}")
+        if isinstance(tasks[task], dict) and isinstance(tasks[task].get("properties") or {}, dict):
+            tasks[task] = {**tasks[task], "properties": {**(tasks[task].get("properties") or {}), **values}}
 
 
 class _Checker:
     """Collects mistakes while it resolves."""
 
-    def __init__(self, document: Document, file: DeploymentFile) -> None:
-        self.document, self.file = document, file
-        self.errors: list[SettingsError] = []
+    def __init__(self, sound: Sound, file: DeploymentFile) -> None:
+        self.sound, self.document, self.file = sound, sound.document, file
+        self.errors: list[SettingsError] = list(sound.mistakes)
         self.types: dict[str, type[Task]] = {}
+        self.hosts = Hosts(file, self.wrong)
+        self.unclear: set[str] = set()  # tasks, and input ports, that a target with a mistake may have meant
 
     def wrong(self, path: KeyPath, message: str) -> None:
         self.errors.append(self.document.error(path, message))
@@ -69,110 +79,63 @@ class _Checker:
         tasks = [task for key, spec in self.file.tasks.items() if (task := self._task(key, spec)) is not None]
         connections = self._connections()
         connections += self._automatic(connections)
-        if len(self.types) == len(self.file.tasks):  # else it would only be told what follows from a wrong type
-            self._required(connections)
+        self._required(connections)
         self._slaves(tasks)
+        addresses, controls = self._across_hosts(connections)
         if self.errors:
-            raise SettingsErrors(sorted(self.errors, key=lambda error: (error.line or 0, error.column or 0)))
-        if self.file.clock.mode == "sim" and len({task.host for task in tasks}) > 1:
-            self.wrong(("clock", "mode"), "sim needs all tasks on one host: no clock is shared between hosts")
-        addresses = self._addresses(tasks, connections)
-        controls = self._controls(tasks, addresses)
-        self._no_clash({**addresses, **controls})
-        if self.errors:
-            raise SettingsErrors(self.errors)
+            raise in_order(self.errors, self.document.file)
         hosts = {key: dict(host) for key, host in self.file.hosts.items()}
         restart = {task.process: self._restart(task) for task in tasks}
         clock = dict(self.file.clock)
         file = str(Path(self.document.file).resolve())
-        return Plan(name, file, tasks, connections, clock, restart, addresses, controls, hosts, self._is_open())
+        return Plan(name, file, tasks, connections, clock, restart, addresses, controls, hosts, self.hosts.open)
 
-    def _addresses(self, tasks: list[TaskPlan], connections: list[ConnectionPlan]) -> dict[str, str]:
-        """TCP addresses of the ports that are read from another host, counted from the host's first port."""
-        host_of = {task.name: task.host for task in tasks}
-        found: dict[str, str] = {}
-        used: dict[str, int] = {}
-        for index, connection in enumerate(connections):
-            writer, reader = (host_of[end.partition(".")[0]] for end in (connection.source, connection.target))
-            if writer == reader or connection.source in found:
-                continue
-            if connection.policy == "reliable":
+    def _across_hosts(self, connections: list[ConnectionPlan]) -> tuple[dict[str, str], dict[str, str]]:
+        """Addresses of ports and processes; none where it is not certain which host a task is on."""
+        wrong = self.sound.lacks("hosts") or any(self.sound.lacks("tasks", name, "host") for name in self.file.tasks)
+        if wrong or not set(self.hosts.of.values()) <= {*self.file.hosts, ""}:
+            return {}, {}
+        self._reliable_on_one_host()
+        return self.hosts.plan(connections)
+
+    def _reliable_on_one_host(self) -> None:
+        for index, spec in enumerate(self.file.connections):
+            ends = {self.hosts.of.get(end.partition(".")[0]) for end in [spec.source, *spec.to]}
+            if spec.policy.kind == "reliable" and len(ends - {None}) > 1:
                 self.wrong(("connections", index), "a reliable connection must stay on one host")
-            self._guarded(writer)
-            host = self.file.hosts[writer]
-            found[connection.source] = f"tcp://{host.address}:{host.port + used.get(writer, 0)}"
-            used[writer] = used.get(writer, 0) + 1
-        return found
-
-    def _controls(self, tasks: list[TaskPlan], addresses: dict[str, str]) -> dict[str, str]:
-        """TCP addresses at which processes are asked from other hosts: after those of the host's ports.
-
-        A host that may not open any, since others could reach it and it has no key, is asked from itself alone.
-        """
-        host_of = {task.name: task.host for task in tasks}
-        used = [host_of[port.partition(".")[0]] for port in addresses]
-        found: dict[str, str] = {}
-        for name, host in self.file.hosts.items():
-            processes = dict.fromkeys(task.process for task in tasks if task.host == name)
-            if self._may_open(name):
-                numbered = enumerate(processes, host.port + used.count(name))
-                found |= {f"{name}/{process}": f"tcp://{host.address}:{number}" for number, process in numbered}
-        return found
-
-    def _no_clash(self, addresses: dict[str, str]) -> None:
-        """Two hosts on one machine, as in a rehearsal, must not count through the same TCP ports."""
-        owners: dict[str, str] = {}
-        for owner, address in addresses.items():
-            first = owners.setdefault(address, owner)
-            if first != owner:
-                host = owner.partition("/")[0] if "/" in owner else self._host_of(owner)
-                self.wrong(("hosts", host), f"{address} is taken by {first}: give this host another port or address")
-                return
-
-    def _host_of(self, port: str) -> str:
-        return self.file.tasks[port.partition(".")[0]].host or next(iter(self.file.hosts))
-
-    def _may_open(self, name: str) -> bool:
-        host = self.file.hosts[name]
-        return host.is_loopback or host.key is not None or self.file.insecure
-
-    def _is_open(self) -> bool:
-        """Whether others can read and ask without keys: what the file allows, and an address that they can reach."""
-        return self.file.insecure and any(h.key is None and not h.is_loopback for h in self.file.hosts.values())
-
-    def _guarded(self, name: str) -> None:
-        """An address that others can reach needs a key, or a word that none is wanted."""
-        if not self._may_open(name):
-            address = self.file.hosts[name].address
-            message = f"address {address} can be reached by others: give key (sonar keys new {name}), or insecure: true"
-            self.wrong(("hosts", name), message)
 
     def _host(self, name: str, given: str | None) -> str:
-        if given is not None and given not in self.file.hosts:
+        if given is not None and given not in self.file.hosts and ("hosts",) not in self.sound.taken:
             known = ", ".join(self.file.hosts) or "none"
             self.wrong(("tasks", name, "host"), f"no host {given!r}{suggest(given, self.file.hosts)}; hosts: {known}")
-        return given or next(iter(self.file.hosts), "")
+        return self.hosts.of[name]
 
     def _task(self, name: str, spec: TaskFile) -> TaskPlan | None:
         if not is_name(name):
             self.wrong(("tasks", name), f"task name must be letters, digits, _ and -, from a letter on, got {name!r}")
         if spec.process is not None and not is_name(spec.process):
             self.wrong(("tasks", name, "process"), f"must be letters, digits, _ and -, got {spec.process!r}")
+        host = self._host(name, spec.host)
+        if spec.type == UNSOUND:
+            return None
         try:
             self.types[name] = cls = task_type(spec.type)
         except ValueError as error:
             self.wrong(("tasks", name, "type"), f"{spec.type!r} {error}")
             return None
-        properties: dict[str, Any] = {}
+        properties = self._properties(name, spec, cls)
+        activity = self._activity(name, spec.activity, cls)
+        return TaskPlan(name, spec.type, spec.process or name, properties, activity, host)
+
+    def _properties(self, name: str, spec: TaskFile, cls: type[Task]) -> dict[str, Any]:
+        if self.sound.lacks("tasks", name, "properties"):
+            return {}
         try:
-            properties = task_properties(self.document, name, spec.config, cls)
+            certain = not self.sound.lacks("tasks", name, "config")
+            return task_properties(self.document, name, spec.config, cls, certain)
         except SettingsErrors as errors:
             self.errors += errors.errors
-        except SettingsError as error:
-            self.errors.append(error)
-        activity = self._activity(name, spec.activity, cls)
-        host = self._host(name, spec.host)
-        return TaskPlan(name, spec.type, spec.process or name, properties, activity, host)
+            return {}
 
     def _activity(self, name: str, given: ActivityFile | None, cls: type[Task]) -> dict[str, Any]:
         if given is None:
@@ -202,7 +165,9 @@ class _Checker:
     def _port(self, place: KeyPath, text: str, kind: type[Any]) -> Any:
         task, dot, port = text.partition(".")
         side = "output" if kind is OutputPort else "input"
-        if not dot:
+        if text == UNSOUND:
+            self.unclear |= set(self.types)
+        elif not dot:
             self.wrong(place, f"must be task.port, got {text!r}")
         elif task not in self.file.tasks:
             self.wrong(place, f"no task {task!r}{suggest(task, self.file.tasks)}")
@@ -214,6 +179,10 @@ class _Checker:
             other = f"; {port} is an {'input' if side == 'output' else 'output'}" if port in ports else ""
             message = f"{task} has no {side} port {port!r}{other}{suggest(port, fitting)}; it has: {_list(fitting)}"
             self.wrong(place, message)
+        else:
+            return None
+        if kind is InputPort:
+            self.unclear.add(task if task in self.file.tasks else port)
         return None
 
     def _automatic(self, connections: list[ConnectionPlan]) -> list[ConnectionPlan]:
@@ -232,27 +201,38 @@ class _Checker:
 
     def _required(self, connections: list[ConnectionPlan]) -> None:
         connected = {connection.target for connection in connections}
+        certain = len(self.types) == len(
+            self.file.tasks
+        )  # a task of an unknown type may be what one connects itself to
         for task, name, port in self._declared(InputPort):
+            if {task, name} & self.unclear or self.sound.lacks("connections") or (port.automatic and not certain):
+                continue
             if port.required and f"{task}.{name}" not in connected:
                 self.wrong(("tasks", task), f"input port {name} ({port.sample_type.__name__}) must be connected")
 
     def _slaves(self, tasks: list[TaskPlan]) -> None:
-        by_name = {task.name: task for task in tasks}
-        for task in tasks:
-            seen, current = {task.name}, task
-            while (master := current.activity.get("slave")) is not None:
-                place: KeyPath = ("tasks", task.name, "activity", "slave")
-                if master not in by_name:
-                    self.wrong(place, f"no task {master!r}{suggest(master, by_name)}")
-                    break
-                if by_name[master].process != current.process:
-                    self.wrong(place, f"{master} must be in the same process: write process: {by_name[master].process}")
-                    break
-                if master in seen:
-                    self.wrong(place, "is a circle: no task in it has a thread of its own")
+        masters = {name: spec.activity.slave for name, spec in self.file.tasks.items() if spec.activity}
+        masters |= {task.name: task.activity.get("slave") for task in tasks}
+        for name in masters:
+            seen, current = {name}, name
+            while (master := masters.get(current)) is not None:
+                wrong = self._wrong_master(current, master, seen)
+                if wrong:
+                    self.wrong(("tasks", name, "activity", "slave"), wrong)
+                if wrong or master not in self.file.tasks:
                     break
                 seen.add(master)
-                current = by_name[master]
+                current = master
+
+    def _wrong_master(self, slave: str, master: str, seen: set[str]) -> str:
+        tasks = self.file.tasks
+        if master not in tasks:
+            return f"no task {master!r}{suggest(master, tasks)}"
+        ours, theirs = tasks[slave].process or slave, tasks[master].process or master
+        unknown = any(self.sound.lacks("tasks", name, "process") for name in (slave, master))
+        if ours != theirs and not unknown:
+            return f"{master} must be in the same process: write process: {theirs}"
+        return "is a circle: no task in it has a thread of its own" if master in seen else ""
 
     def _restart(self, task: TaskPlan) -> RestartPlan:
         """A process follows the strictest wish of its tasks: the last one that says something."""
