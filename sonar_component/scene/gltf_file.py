@@ -12,6 +12,7 @@ import json
 import struct
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -41,6 +42,8 @@ def readable_gltf(path: Path) -> tuple[io.BytesIO, dict[str, float], list[str]]:
     missing = [name for name in tree.get("extensionsRequired", []) if not str(name).startswith(READABLE)]
     if missing:
         raise ValueError(f"it needs the extension {' and '.join(missing)}, which is not read here")
+    _decode_names(tree, path)
+    _check_buffers(tree, path)
     warnings = []
     if "KHR_texture_transform" in tree.get("extensionsUsed", []):
         warnings.append("its texture transform is not read: normal maps may lie elsewhere")
@@ -86,6 +89,28 @@ def _parsed(path: Path) -> tuple[dict[str, Any], bytes]:
     return tree, binary
 
 
+def _decode_names(tree: dict[str, Any], path: Path) -> None:
+    """Write names of files as they are on the disk: in a URI a space is %20, which trimesh takes at face value."""
+    for entry in [*tree.get("buffers", []), *tree.get("images", [])]:
+        uri = str(entry.get("uri", "data:"))
+        if not uri.startswith("data:") and not (path.parent / uri).exists():
+            entry["uri"] = unquote(uri)
+
+
+def _check_buffers(tree: dict[str, Any], path: Path) -> None:
+    """Raise ValueError for a buffer in a file of its own that is not there, breaks off or lies outside its folder."""
+    for buffer in tree.get("buffers", []):
+        uri = str(buffer.get("uri", "data:"))
+        if uri.startswith("data:"):
+            continue
+        target = _beside(uri, path)
+        if not target.is_file():
+            raise ValueError(f"it needs {uri!r} beside it, which is not there")
+        promised, held = int(buffer.get("byteLength", 0)), target.stat().st_size
+        if held < promised:
+            raise ValueError(f"its {uri!r} breaks off: {promised} bytes are promised, it holds {held}")
+
+
 def _unquantise(tree: dict[str, Any], binary: bytes, path: Path) -> None:
     """Replace normalised integer positions and texture coordinates by float32 in a buffer of their own."""
     data = b""
@@ -128,7 +153,12 @@ def _values(tree: dict[str, Any], accessor: dict[str, Any], binary: bytes, path:
 def _fetched(uri: str, path: Path) -> bytes:
     if uri.startswith("data:"):
         return base64.b64decode(uri.split(",", 1)[1])
+    return _beside(uri, path).read_bytes()
+
+
+def _beside(uri: str, path: Path) -> Path:
+    """Where a URI points to; ValueError where that is not in the folder of the file."""
     target = (path.parent / uri).resolve()
     if not target.is_relative_to(path.parent.resolve()):
         raise ValueError(f"its buffer {uri!r} lies outside its folder")
-    return target.read_bytes()
+    return target

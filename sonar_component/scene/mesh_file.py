@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sonar_component.scene.body import Part
 from sonar_component.scene.file_object import FileObject
 from sonar_component.scene.mesh import Mesh
+from sonar_component.scene.promise import check_whole
 from sonar_component.scene.surface import Surface, to_mesh
 from sonar_component.settings import SettingsError
 
@@ -138,6 +139,7 @@ def _read(path: Path, options: MeshOptions, warnings: list[str]) -> tuple[list[F
     """Return the objects, and the affine matrix from the file's numbers to metres with Z up."""
     kind, unit, up = path.suffix[1:].lower(), 1.0, "z"
     try:
+        check_whole(path)
         # Each reader is imported for its own files only: trimesh takes half a second, pycollada a sixth.
         if kind == "dae":
             from sonar_component.scene.collada_file import collada_objects

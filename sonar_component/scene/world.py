@@ -46,10 +46,12 @@ class World:
             self.add(body)
 
     def add(self, body: Body) -> None:
-        """Put a body into the world; ValueError when its name is taken or its pose is not a pose."""
+        """Put a body into the world; ValueError when its name is taken or a pose of it or its parts is not a pose."""
         if body.name in self.bodies:
             raise ValueError(f"the world already has a body '{body.name}'")
         body.X_WB = check_pose(body.X_WB, body.name)
+        for part in body.parts:
+            check_pose(part.X_BM, f"{part.name or 'a part'} of {body.name}")
         self.warnings += [line for line in _unsound(body) if line not in self.warnings]
         body.parts = [self._mapped(part) for part in body.parts]
         self.bodies[body.name] = body

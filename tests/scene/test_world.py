@@ -173,3 +173,10 @@ def test_faces_that_are_not_finite_are_counted_by_object_and_once() -> None:
     w = World([Body("buoy", [Part(broken, Material("x"), np.eye(4))], np.eye(4))])
     assert w.warnings == [f"'buoy': {count} x face with NaN or infinite vertices, left out"]
     assert World.from_description(w.to_description()).warnings == w.warnings
+
+
+def test_a_part_that_is_mirrored_or_stretched_is_refused_by_name() -> None:
+    for scale in ((-1, 1, 1), (2, 2, 2)):
+        part = Part(shapes.box((1, 1, 1)), Material("steel"), np.diag([*scale, 1.0]), "lid")
+        with pytest.raises(ValueError, match="pose of 'lid of chest' must be a rotation and a translation"):
+            World([Body("chest", [part], np.eye(4))])
