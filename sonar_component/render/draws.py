@@ -1,6 +1,7 @@
 """What to draw of a world: the tiles that each view of a fan may see, and the instances that say where they are.
 
-Compiled by numba: a world of a hundred objects has a thousand tiles, and 7 views of them took NumPy 1.5 ms a frame.
+Compiled by numba, which is there for echo/binning.py: a hundred objects in 7 views took NumPy 0.26 ms a frame, without
+the order and the back faces; this takes 0.09 with them.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from sonar_component.render.packing import COMMAND, Packed
 
 Array = NDArray[np.float64]
 
-_CLEAR = 3.0  # [-], near planes between sonar and shell: cut open, a shell shows its inside; at the corner of an
-#                    aperture of 120 deg the near plane is 2.2 times its distance away
+# [-], near planes between sonar and shell: cut open, a shell shows its inside. At the corner of an aperture of 120 deg
+# the near plane is 2.2 times its distance away.
+_CLEAR = 3.0
 
 
 @dataclass(frozen=True)
