@@ -18,6 +18,7 @@ from sonar_component.middleware.task import Task
 from sonar_component.middleware.transport.control import ControlServer
 from sonar_component.middleware.transport.transport import Transport
 from sonar_component.settings.errors import suggest
+from sonar_component.settings.meaning import meaning
 
 Request = dict[str, Any]
 
@@ -151,7 +152,7 @@ def properties_of(task: Task) -> dict[str, dict[str, Any]]:
             "value": values.get(name),
             "dynamic": name in task.dynamic,
             "settable": editable or name in task.dynamic,
-            "doc": field.description or "",
+            "doc": meaning(type(task).Properties, name),
         }
-        for name, field in type(task).Properties.model_fields.items()
+        for name in type(task).Properties.model_fields
     }

@@ -22,39 +22,35 @@ _SAME = 1e-9  # [rad], differences below it come from converting degrees
 class ScanningSettings(SonarSettings):
     """Settings of a mechanically scanning sonar, in the words of Rock's ScanningSonarTask.
 
-    Attributes
-    ----------
-    kind : str
-        Tells a settings file for this sonar from others.
-    left_limit, right_limit : float
-        The sector [rad]: it begins at left_limit and goes the way bearings grow, counter-clockwise seen from above, to
-        right_limit, as in Rock's simulator. So -45 and 45 deg is the quarter ahead, and left_limit > right_limit is a
-        sector through 180 deg. Not used where ``continuous``.
-    motor_step : float
-        Between two pings [rad].
-    continuous : bool
-        Turn for ever; otherwise back and forth between the limits.
-    start_bearing : float, optional
-        Where the first ping looks [rad]; left_limit by default, or 0 where ``continuous``.
-    head_speed : float
-        How fast the head turns between pings [rad/s].
-    bin_time : float
-        What the device needs for each bin besides listening, such as sending it to its host [s].
-    min_ping_period : float
-        The device pings no faster [s].
+    The sector begins at left_limit and goes the way bearings grow, counter-clockwise seen from above, to right_limit,
+    as in Rock's simulator. So -45 and 45 deg is the quarter ahead, and left_limit > right_limit is a sector through
+    180 deg.
     """
 
-    kind: Literal["scanning"] = "scanning"
-    beam_width: Angle = 3 * _DEG
-    beam_height: Angle = 35 * _DEG
-    left_limit: Angle = -math.pi
-    right_limit: Angle = math.pi
-    motor_step: Angle = 1.8 * _DEG
-    continuous: bool = True
-    start_bearing: Angle | None = None
-    head_speed: Annotated[AngularSpeed, Field(gt=0, le=1000)] = 180 * _DEG
-    bin_time: Annotated[Duration, Field(ge=0, le=0.1)] = 0.0
-    min_ping_period: Annotated[Duration, Field(ge=0, le=60)] = 0.0
+    kind: Literal["scanning"] = Field(
+        default="scanning", description="tells a settings file for this sonar from others"
+    )
+    beam_width: Angle = Field(default=3 * _DEG, description="opening of the beam in azimuth")
+    beam_height: Angle = Field(default=35 * _DEG, description="opening of the beam in elevation")
+    left_limit: Angle = Field(
+        default=-math.pi,
+        description="where the sector begins, -180 deg to 180 deg, left positive; it goes on counter-clockwise",
+    )
+    right_limit: Angle = Field(default=math.pi, description="where the sector ends, -180 deg to 180 deg, left positive")
+    motor_step: Angle = Field(default=1.8 * _DEG, description="between two pings, at most the sector")
+    continuous: bool = Field(default=True, description="turn for ever; otherwise back and forth between the limits")
+    start_bearing: Angle | None = Field(
+        default=None, description="where the first ping looks [rad]; none: left_limit, or 0 where continuous"
+    )
+    head_speed: Annotated[AngularSpeed, Field(gt=0, le=1000)] = Field(
+        default=180 * _DEG, description="how fast the head turns between pings"
+    )
+    bin_time: Annotated[Duration, Field(ge=0, le=0.1)] = Field(
+        default=0.0, description="what the device needs for each bin besides listening"
+    )
+    min_ping_period: Annotated[Duration, Field(ge=0, le=60)] = Field(
+        default=0.0, description="the device pings no faster"
+    )
 
     @field_validator("left_limit", "right_limit", "start_bearing")
     @classmethod

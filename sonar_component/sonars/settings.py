@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, field_validator, model_validator
@@ -57,73 +57,58 @@ class AttenuationProperties(BaseModel):
 
 
 class SonarSettings(BaseModel):
-    """Settings that every imaging sonar has.
-
-    Attributes
-    ----------
-    range, min_range : float
-        End of the last bin, and where echoes begin [m].
-    max_range : float
-        The greatest range that the device can be set to [m].
-    gain : float
-        0.5 is unity [-].
-    bin_count : int
-    beam_width, beam_height : float
-        Opening of the fan in azimuth and in elevation [rad].
-    normalization : "mean" or "energy"
-        The paper's mean over the surface in a bin, or the energy that it returns.
-    transfer : "sigmoid", "linear" or None
-        What becomes of the strength of a sample; None takes the paper's sigmoid for "mean", linear for "energy".
-    sigmoid_slope, sigmoid_centre : float
-        Constants of that sigmoid [-].
-    accuracy : float
-        Energy error to aim for [-].
-    speed_of_sound : float
-        [m/s]
-    seed : int
-        Of the noise.
-    reduction : "auto", "cpu" or "gpu"
-        Where samples become bins; auto takes the faster way for the driver.
-    speckle_properties : SpeckleProperties
-        Law, correlation and persistence of the speckle, or the name of a preset.
-    spreading : float
-        Loss by spreading, there and back [dB per decade of range]; 0 for a receiver that makes up for it.
-    time_varying_gain : TimeVaryingGain
-        What the receiver sets against losses.
-    in_ping_motion : bool
-        Whether the far bins of a ping see the later pose, from the velocities that come with the pose.
-    frame : str
-        Name of the sensor's frame in its samples.
-    unverified : list of str
-        Names of properties whose value in the file no source confirms.
-    """
+    """Settings that every imaging sonar has; what each means is said once, where people see it: in its description."""
 
     model_config = ConfigDict(extra="forbid", defer_build=True, validate_assignment=True, validate_default=True)
+    limits: ClassVar = _LIMITS
 
-    range: Length = 50.0
-    min_range: Length = 0.0
-    max_range: Length = 1000.0
-    gain: Ratio = 0.5
-    bin_count: Annotated[int, Field(ge=1, le=4096)] = 750
-    beam_width: Angle = 120 * _DEG
-    beam_height: Angle = 20 * _DEG
-    normalization: Literal["mean", "energy"] = "mean"
-    transfer: Literal["sigmoid", "linear"] | None = None
-    sigmoid_slope: Annotated[float, Field(gt=0, le=1000)] = 18.0
-    sigmoid_centre: Annotated[float, Field(ge=0, le=10)] = 2 / 3
-    accuracy: Ratio = 0.02
-    speed_of_sound: Speed = SPEED_OF_SOUND
-    seed: Annotated[int, Field(ge=0)] = 0
-    enable_attenuation: bool = False
-    attenuation_properties: AttenuationProperties = AttenuationProperties()
-    enable_speckle_noise: bool = False
-    speckle_properties: SpeckleProperties = SpeckleProperties()
-    spreading: Annotated[Level, Field(ge=0, le=80)] = 0.0
-    time_varying_gain: TimeVaryingGain = TimeVaryingGain()
-    in_ping_motion: bool = False
-    reduction: Literal["auto", "cpu", "gpu"] = "auto"
-    frame: str = "sonar"
-    unverified: list[str] = []
+    range: Length = Field(default=50.0, description="end of the last bin")
+    min_range: Length = Field(default=0.0, description="where echoes begin")
+    max_range: Length = Field(default=1000.0, description="the greatest range that the device can be set to")
+    gain: Ratio = Field(default=0.5, description="brightness; 0.5 is unity")
+    bin_count: Annotated[int, Field(ge=1, le=4096)] = Field(default=750, description="bins along the range")
+    beam_width: Angle = Field(default=120 * _DEG, description="opening of the fan in azimuth")
+    beam_height: Angle = Field(default=20 * _DEG, description="opening in elevation")
+    normalization: Literal["mean", "energy"] = Field(
+        default="mean", description="the paper's mean over the surface in a bin, or the energy that it returns"
+    )
+    transfer: Literal["sigmoid", "linear"] | None = Field(
+        default=None, description="what becomes of a sample's strength; none: sigmoid for mean, linear for energy"
+    )
+    sigmoid_slope: Annotated[float, Field(gt=0, le=1000)] = Field(
+        default=18.0, description="slope of the sigmoid transfer [-]"
+    )
+    sigmoid_centre: Annotated[float, Field(ge=0, le=10)] = Field(
+        default=2 / 3, description="centre of the sigmoid transfer [-]"
+    )
+    accuracy: Ratio = Field(default=0.02, description="error of the energy to aim for; a smaller one takes longer")
+    speed_of_sound: Speed = Field(default=SPEED_OF_SOUND, description="of the water, all the way")
+    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="of the noise: the same one gives the same pings")
+    enable_attenuation: bool = Field(default=False, description="let the water absorb sound")
+    attenuation_properties: AttenuationProperties = Field(
+        default=AttenuationProperties(),
+        description="the water, for its absorption: frequency, temperature, salinity, acidity, depth",
+    )
+    enable_speckle_noise: bool = Field(default=False, description="let bins fluctuate from ping to ping")
+    speckle_properties: SpeckleProperties = Field(
+        default=SpeckleProperties(),
+        description="law, correlation and persistence of the speckle, or the name of a preset",
+    )
+    spreading: Annotated[Level, Field(ge=0, le=80)] = Field(
+        default=0.0,
+        description="loss by spreading, there and back [dB per decade of range]; 0: the receiver makes up for it",
+    )
+    time_varying_gain: TimeVaryingGain = Field(
+        default=TimeVaryingGain(), description="what the receiver sets against losses"
+    )
+    in_ping_motion: bool = Field(
+        default=False, description="far bins of a ping see the later pose, from the velocities that come with it"
+    )
+    reduction: Literal["auto", "cpu", "gpu"] = Field(
+        default="auto", description="where samples become bins; auto: the faster way for the driver"
+    )
+    frame: str = Field(default="sonar", description="name of the sensor's frame in its samples")
+    unverified: list[str] = Field(default=[], description="names of properties whose value no source confirms")
 
     @field_validator("unverified")
     @classmethod
@@ -182,20 +167,16 @@ class SonarSettings(BaseModel):
 
 
 class ForwardLookingSettings(SonarSettings):
-    """Settings of a forward-looking sonar.
+    """Settings of a forward-looking sonar."""
 
-    Attributes
-    ----------
-    beam_count : int
-    kind : str
-        Tells a settings file for this sonar from others.
-    bearings : "equal_angle", "equal_sine" or list of float
-        Beam centres [rad], left positive. A list sets beam_count and beam_width.
-    """
-
-    kind: Literal["forward_looking"] = "forward_looking"
-    beam_count: Annotated[int, Field(ge=1, le=4096)] = 256
-    bearings: Literal["equal_angle", "equal_sine"] | list[Angle] = "equal_angle"
+    kind: Literal["forward_looking"] = Field(
+        default="forward_looking", description="tells a settings file for this sonar from others"
+    )
+    beam_count: Annotated[int, Field(ge=1, le=4096)] = Field(default=256, description="beams across the fan")
+    bearings: Literal["equal_angle", "equal_sine"] | list[Angle] = Field(
+        default="equal_angle",
+        description="beam centres [rad], left positive; a list of them sets beam_count and beam_width",
+    )
 
     @model_validator(mode="after")
     def _bearings_make_a_fan(self) -> ForwardLookingSettings:

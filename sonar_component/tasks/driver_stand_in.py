@@ -29,12 +29,12 @@ class DriverStandInProperties(NoProperties):
 
     range: Annotated[Length, Field(gt=0)] = Field(30.0, description="end of the last bin")
     gain: Annotated[Ratio, Field(ge=0, le=1)] = Field(0.5, description="0.5 is unity")
-    bin_count: Annotated[int, Field(ge=1, le=4096)] = 500
-    beam_count: Annotated[int, Field(ge=1, le=4096)] = 256
-    beam_width: Annotated[Angle, Field(gt=0)] = 120 * _DEG
-    beam_height: Annotated[Angle, Field(gt=0)] = 20 * _DEG
-    speed_of_sound: Annotated[Speed, Field(gt=0)] = SPEED_OF_SOUND
-    frame: str = "sonar"
+    bin_count: Annotated[int, Field(ge=1, le=4096)] = Field(default=500, description="bins along the range")
+    beam_count: Annotated[int, Field(ge=1, le=4096)] = Field(default=256, description="beams across the fan")
+    beam_width: Annotated[Angle, Field(gt=0)] = Field(default=120 * _DEG, description="opening of the fan in azimuth")
+    beam_height: Annotated[Angle, Field(gt=0)] = Field(default=20 * _DEG, description="opening in elevation")
+    speed_of_sound: Annotated[Speed, Field(gt=0)] = Field(default=SPEED_OF_SOUND, description="of the water")
+    frame: str = Field(default="sonar", description="name of the sensor's frame in its samples")
 
 
 class DriverStandInTask(Task):
@@ -57,7 +57,10 @@ class DriverStandInTask(Task):
 class MicronStandInProperties(NoProperties):
     """What Rock's driver of the Micron has: one structure."""
 
-    config: MicronConfig = Field(default_factory=lambda: MicronConfig.model_validate({}))
+    config: MicronConfig = Field(
+        default_factory=lambda: MicronConfig.model_validate({}),
+        description="all of it in the words of Rock's driver of the Micron",
+    )
 
 
 class MicronStandInTask(Task):
