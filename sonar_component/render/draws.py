@@ -17,9 +17,9 @@ from sonar_component.render.packing import COMMAND, Packed
 
 Array = NDArray[np.float64]
 
-# [-], near planes between sonar and shell: cut open, a shell shows its inside. At the corner of an aperture of 120 deg
-# the near plane is 2.2 times its distance away.
-_CLEAR = 3.0
+# [-], distance of a shell relative to that of the near plane's corner: cut open, it would show its inside. The corner
+# of an aperture of 150 deg is four near planes away.
+_CLEAR = 1.1
 
 
 @dataclass(frozen=True)
@@ -77,14 +77,14 @@ def choose(packed: Packed, X_SM: Array, sight: Sight) -> Draws:
     X_SM : (parts, 4, 4) float64
         Poses of the parts in the sonar's frame [m].
     """
-    up = np.arctan(sight.tangent_up)
+    up, corner = np.arctan(sight.tangent_up), np.sqrt(1 + np.tan(sight.half_width) ** 2 + sight.tangent_up**2)
     most = len(packed.commands) * len(sight.azimuths)
     tiles, views, counts = np.empty(most, np.int32), np.empty(most, np.int32), np.zeros(4, np.int64)
     _choose(
         X_SM, packed.tile_part, packed.tile_centre, packed.tile_radius, packed.tile_hull, packed.tile_axis,
         packed.tile_spread, packed.pictured, np.cos(sight.azimuths), np.sin(sight.azimuths),
         np.sin(sight.half_width), np.cos(sight.half_width), np.sin(up), np.cos(up),
-        _CLEAR * sight.near, sight.range_max, tiles, views, counts,
+        _CLEAR * corner * sight.near, sight.range_max, tiles, views, counts,
     )  # fmt: skip
     count = int(counts.sum())
     return Draws(tiles[:count], views[:count], counts)

@@ -107,8 +107,8 @@ def test_of_a_ball_the_tiles_on_its_far_side_are_left_out_and_none_that_faces_th
 
 @pytest.mark.parametrize(
     ("place", "closed"),
-    [((8.0, 0, 0), True), ((0.5, 0, 0), False), ((1.52, 0, 0), False), ((1.6, 0, 0), True)],
-    ids=["outside", "inside", "within a few near planes", "just outside"],
+    [((8.0, 0, 0), True), ((0.5, 0, 0), False), ((1.515, 0, 0), False), ((1.6, 0, 0), True)],
+    ids=["outside", "inside", "within a corner of the near plane", "just outside"],
 )
 def test_back_faces_are_left_out_only_where_the_sonar_is_outside(place: Any, closed: bool) -> None:
     draws = choose(alone(sphere(1.5)), at(*place)[None], AHEAD)
@@ -178,3 +178,24 @@ def test_samples_are_the_same_with_and_without_back_faces(context: Any, mesh: Me
     # Where a silhouette passes through the very centre of a cell, either side may have it.
     differ = (drawn[0] != drawn[1]).any(axis=2)[used].mean()
     assert differ < 1e-4
+
+
+@pytest.mark.parametrize("up", [20, 60, 75])
+def test_a_shell_that_the_near_plane_cuts_open_is_drawn_from_both_sides(context: Any, up: float) -> None:
+    layout = build_layout(-np.radians(30), np.radians(30), np.radians(up), np.radians(1), 128, 0.25)
+    renderer = FootprintRenderer(context)
+    renderer.geometry.update(World([Body("box", [Part(box((2, 2, 2)), Material("plain"), np.eye(4))], np.eye(4))]))
+    packed, used = renderer.geometry.packed, layout.solid_angle > 0
+    hull = packed.tile_hull.copy()
+    for height in np.linspace(1.0, 1.08, 17):  # to 5 near planes above the roof
+        X_WS = at(0.3, -0.2, height)
+        c, s = np.sin(np.radians(up)), np.cos(np.radians(up))  # the lower edge of the aperture points straight down
+        X_WS[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+        drawn = []
+        for boxes in (hull, np.nan):
+            packed.tile_hull[:] = boxes
+            renderer.draw(X_WS, layout, Optics(30.0, 0.1))
+            drawn.append(renderer.read().copy())
+        packed.tile_hull[:] = hull
+        assert (drawn[0] != drawn[1]).any(axis=2)[used].mean() < 1e-3  # edges that pass through a cell's centre
+    renderer.release()
