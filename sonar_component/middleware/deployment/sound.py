@@ -50,9 +50,9 @@ def sound_part(document: Document) -> Sound:
         raise SettingsErrors([document.error((), f"must be a mapping of keys to values, got {document.data!r}")])
     sound = Sound(Document(copy.deepcopy(document.data), document.file, dict(document.positions), document.overrides))
     _name_by_text(sound, sound.document.data)
-    told: set[tuple[KeyPath, str]] = set()
-    while found := set(_read(sound)) - told:
-        told |= found
+    told: list[tuple[KeyPath, str]] = []
+    while found := [mistake for mistake in _read(sound) if mistake not in told]:
+        told += found
         sound.mistakes += [sound.document.error(place, words) for place, words in found]
         if not all([_mend(sound, place) for place, _ in found]):
             break
