@@ -23,12 +23,13 @@ def extruded(outlines: Sequence[Outline], height: float) -> Mesh:
     Raises
     ------
     ValueError
-        When an outline has less than three corners, there are too many, or it crosses itself or another one so that no
-        triangle can be cut off.
+        When an outline has less than three corners, there are too many, or it crosses itself or another one: a solid
+        over it would be inside out in parts, and these parts be seen from behind.
     """
     if sum(len(outline) for outline in outlines) > MAX_POINTS:
         raise ValueError(f"outlines must have at most {MAX_POINTS} points in all")
     rings = [_ring(outline) for outline in outlines]
+    _check_simple(rings)
     pieces = [_solid(filled, height) for filled in _with_holes(rings)]
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
     faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts[:-1], strict=True)])
@@ -60,6 +61,16 @@ def _ring(outline: Outline) -> Outline:
         different = len(np.unique(outline, axis=0))
         raise ValueError(f"an outline must have at least 3 different points, got {different}")
     return points if _area(points) > 0 else points[::-1]
+
+
+def _check_simple(rings: Sequence[Outline]) -> None:
+    """Raise ValueError where sides cross; to touch is allowed."""
+    start = np.concatenate(rings)
+    end = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+    for a, b in zip(start, end, strict=True):
+        if _crosses(a, b, start, end):
+            x, y, u, v = (round(float(number), 4) for number in (*a, *b))
+            raise ValueError(f"an outline must not cross itself or another one; ({x:g}, {y:g}) to ({u:g}, {v:g}) does")
 
 
 def _with_holes(rings: Sequence[Outline]) -> list[list[Outline]]:

@@ -65,3 +65,22 @@ def test_too_many_points_are_refused() -> None:
     angle = np.linspace(0, 6, polygon.MAX_POINTS + 1)
     with pytest.raises(ValueError, match=f"at most {polygon.MAX_POINTS} points"):
         polygon.extruded([np.stack([np.cos(angle), np.sin(angle)], 1)], 1)
+
+
+@pytest.mark.parametrize(
+    "outlines",
+    [
+        [[(-1, -1), (1, 1), (1, -1), (-1, 1)]],
+        [[(-1, -1), (1, 0.8), (1, -1), (-1, 1)]],
+        [[(0, 0), (4, 0), (4, 4), (0, 4)], [(3, 1), (5, 1), (5, 2), (3, 2)]],
+    ],
+    ids=["bow-tie", "lopsided bow-tie", "hole across the edge"],
+)
+def test_sides_that_cross_are_refused_and_named(outlines: list[list[tuple[float, float]]]) -> None:
+    with pytest.raises(ValueError, match=r"must not cross itself or another one; \(.*\) to \(.*\) does"):
+        polygon.extruded([np.array(ring, float) for ring in outlines], 1.0)
+
+
+def test_outlines_that_touch_are_allowed() -> None:
+    square = np.array([(0, 0), (4, 0), (4, 4), (0, 4)], float)
+    assert polygon.extruded([square, np.array([(4, 1), (3, 2), (3, 1)], float)], 1.0).faces.size
