@@ -101,3 +101,47 @@ def test_the_cone_of_normals_holds_each_of_them() -> None:
 def test_the_cone_of_a_whole_ball_is_everything() -> None:
     ball = sphere(1.0)
     assert cone(ball.vertices, ball.faces)[1] > np.radians(170)
+
+
+def drawn_out(outline: np.ndarray, height: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """A closed prism over an outline (n, 2), each of its ends a fan around the middle."""
+    n = len(outline)
+    low, high = (np.column_stack([outline, np.full(n, z)]) for z in (0.0, height))
+    vertices = np.concatenate([low, high, [[*outline.mean(axis=0), 0.0]], [[*outline.mean(axis=0), height]]])
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    sides = np.concatenate([np.stack([i, j, j + n], 1), np.stack([i, j + n, i + n], 1)])
+    ends = np.concatenate([np.stack([j, i, np.full(n, 2 * n)], 1), np.stack([i + n, j + n, np.full(n, 2 * n + 1)], 1)])
+    return vertices, np.concatenate([sides, ends]).astype(np.int32)
+
+
+def test_a_shell_that_passes_through_itself_is_drawn_from_both_sides() -> None:
+    """One lobe of a lopsided figure of eight is inside out, whichever way the whole is turned."""
+    square = np.array([[0, 0], [2, 0], [2, 1], [0, 1.0]])
+    assert set(find_shells(*drawn_out(square)).number) == {0}
+    assert set(find_shells(*drawn_out(square[[0, 1, 3, 2]] * (1, 1) + [[0, 0], [0, 0], [0, 0], [1, 0]])).number) == {-1}
+    ball = sphere(1.0)
+    assert set(find_shells(ball.vertices, ball.faces).number) == {0}
+    pushed = ball.vertices.copy()
+    pushed[:, 2] -= 3.0 * np.clip(pushed[:, 2] - 0.6, 0, None) / 0.4  # its top through its bottom
+    assert set(find_shells(pushed, ball.faces).number) == {-1}
+
+
+def test_a_crossed_shell_beside_a_sound_one_leaves_that_alone() -> None:
+    vertices, faces = drawn_out(np.array([[0, 0], [2, 0], [0, 1], [3, 1.0]]))
+    cube = box((1, 1, 1))
+    found = find_shells(
+        np.concatenate([vertices, cube.vertices + np.array([9, 0, 0])]),
+        np.concatenate([faces, cube.faces + len(vertices)]),
+    )
+    assert set(found.number[: len(faces)]) == {-1}
+    assert len(set(found.number[len(faces) :]) - {-1}) == 1
+
+
+def test_a_hollow_ball_and_a_dented_one_are_sound() -> None:
+    ball = sphere(1.0)
+    hollow = np.concatenate([ball.vertices, 0.7 * ball.vertices])
+    faces = np.concatenate([ball.faces, ball.faces[:, ::-1] + len(ball.vertices)])
+    assert -1 not in find_shells(hollow, faces).number
+    dented = ball.vertices.copy()
+    dented[:, 2] -= 1.2 * np.clip(dented[:, 2] - 0.6, 0, None) / 0.4
+    assert set(find_shells(dented, ball.faces).number) == {0}
