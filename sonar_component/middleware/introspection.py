@@ -73,7 +73,7 @@ class Introspection:
             **state_of(task),
             "type": type(task).__name__,
             "counters": dict(vars(task.counters)),
-            "process": {"processor_time": time.process_time(), "memory": resident(os.getpid())},
+            "costs": {"processor_time": time.process_time(), "memory": resident(os.getpid())},
             "properties": properties_of(task),
             "operations": operations_of(type(task)),
             "inputs": {name: self._input(port) for name, port in task.inputs.items()},

@@ -54,4 +54,4 @@ def _row(before: tuple[float, float, dict[str, Any]], after: tuple[float, float,
 def _cost(task: dict[str, Any]) -> dict[str, float]:
     """Processor time [s] and memory [bytes] of a task's process; 0 where it does not answer."""
     nothing = {"processor_time": 0.0, "memory": 0.0}
-    return dict(task.get("description", {}).get("process", nothing))
+    return dict(task.get("description", {}).get("costs", nothing))

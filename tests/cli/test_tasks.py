@@ -70,7 +70,11 @@ def test_inspect_shows_what_became_of_every_sample(graph: Any) -> None:
     found = graph.json("inspect", "fls")
     assert (line["dropped"], line["lost"], line["restarts"], line["rejected"]) == (0, 0, 0, {})
     assert found["outputs"]["sonar_samples"]["endpoint"].startswith("ipc://")
-    assert "property  beams = 256" in graph.sonar("inspect", "fls").stdout
+    text = graph.sonar("inspect", "fls").stdout
+    assert f"process {found['process']}, pid {found['pid']})" in text.splitlines()[0]
+    assert isinstance(found["process"], str)
+    assert found["costs"]["memory"] > 1e6  # [bytes], of a Python process
+    assert "property  beams = 256" in text
 
 
 def test_the_running_graph_has_rates_on_its_edges(graph: Any) -> None:
