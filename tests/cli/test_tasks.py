@@ -64,7 +64,7 @@ def test_inspect_shows_what_became_of_every_sample(graph: Any) -> None:
     running(graph)
 
     def received() -> dict[str, Any]:
-        return graph.json("inspect", "fls")["inputs"]["sonar_pose_cmd"]["connections"][0]
+        return dict(graph.json("inspect", "fls")["inputs"]["sonar_pose_cmd"]["connections"][0])
 
     line = graph.wait_for(lambda: (found := received())["received"] > 0 and found, "receiving")
     found = graph.json("inspect", "fls")
