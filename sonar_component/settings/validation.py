@@ -61,7 +61,7 @@ def _explain(
 def explain(model: type[BaseModel], data: Any, items: Sequence[Any]) -> list[tuple[KeyPath, str]]:
     """What pydantic found, in the user's words: (place in the data, what is wrong there), one for each place."""
     places: dict[KeyPath, list[Any]] = {}
-    for item in items:
+    for item in (_plainer(item) for item in items):
         places.setdefault(_place(data, item["loc"]), []).append(item)
     # [1 deg, 2 m] is not one of the allowed words either; what is wrong is its second item.
     blunt = [place for place in places if any(len(p) > len(place) > 0 and p[: len(place)] == place for p in places)]
@@ -70,10 +70,30 @@ def explain(model: type[BaseModel], data: Any, items: Sequence[Any]) -> list[tup
     for place in (place for place in places if place not in blunt):
         words = ", or ".join(dict.fromkeys(_words(model, place, item) for item in places[place]))
         got = f", got {places[place][0]['input']!r}" if _wants_value(places[place], words) else ""
-        mistakes.append(
-            (place, words + got + (_word_hint(places[place]) or _unit_hint(model, data, place, places[place])))
-        )
+        hint = _word_hint(places[place]) or _unit_hint(model, data, place, places[place])
+        mistakes.append(_at_its_key(data, place, words + got + hint))
     return mistakes
+
+
+def _plainer(item: Any) -> Any:
+    """A finding about the word that picks one of several models is one about a literal at that word's key."""
+    if item["type"] not in ("union_tag_invalid", "union_tag_not_found"):
+        return item
+    key = item["ctx"]["discriminator"].strip("'")
+    if item["type"] == "union_tag_not_found":
+        return {**item, "type": "missing", "loc": (*item["loc"], key)}
+    expected = item["ctx"]["expected_tags"]
+    changed = {"type": "literal_error", "msg": f"Input should be one of {expected}", "ctx": {"expected": expected}}
+    return {**item, **changed, "loc": (*item["loc"], key), "input": item["ctx"]["tag"]}
+
+
+def _at_its_key(data: Any, place: KeyPath, words: str) -> tuple[KeyPath, str]:
+    """What a check of a whole model says of one key belongs to that key, wherever it was set."""
+    key, _, rest = words.partition(" ")
+    inside = _at(data, place)
+    if isinstance(inside, dict) and key in inside and rest.startswith("must "):
+        return (*place, key), rest
+    return place, words
 
 
 def _meant(model: type[BaseModel], places: dict[KeyPath, list[Any]]) -> list[KeyPath]:
@@ -96,7 +116,10 @@ def _place(data: Any, location: Sequence[str | int]) -> KeyPath:
 
 def _words(model: type[BaseModel], place: KeyPath, item: Any) -> str:
     if item["type"] == "missing":
-        return "is required"
+        short = isinstance(item["loc"][-1], int) and isinstance(item["input"], (list, tuple))
+        return f"must hold more than {len(item['input'])} values, got {item['input']!r}" if short else "is required"
+    if item["type"] == "too_long":
+        return f"must hold at most {item['ctx']['max_length']} values"
     if item["type"] == "extra_forbidden":
         names = fields_at(model, place[:-1])
         hint = suggest(str(place[-1]), names) or (f"; allowed: {', '.join(names)}" if names else "")

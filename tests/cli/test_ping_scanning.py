@@ -94,7 +94,7 @@ def test_truth_of_one_beam_names_the_body(ping: Typed, tmp_path: Path) -> None:
         (["--scan", "--bearing-deg", "3"], "--scan does not go with --bearing-deg"),
         (["--scan", "--truth"], "--scan does not go with --truth"),
         (["--bearing-deg", "900"], "--bearing-deg must be -360 to 360, got 900"),
-        (["--set", "motor_step=0 deg"], "motor_step must be 0.01 deg to 90 deg, got 0 deg"),
+        (["--set", "motor_step=0 deg"], "motor_step: must be 0.01 deg to 90 deg, got 0 deg"),
         (["--set", "kind=sideways"], "kind: must be forward_looking or scanning, got 'sideways'"),
         (["--set", "beam_count=3"], "beam_count"),
     ],

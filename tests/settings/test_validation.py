@@ -77,7 +77,7 @@ def mistakes(text: str, *settings: str) -> list[str]:
         ("bearings: sine", "bearings: must be 'equal_angle' or 'equal_sine', or must be a list, got 'sine'"),
         ("path: {kind: circle, radius: -1 m}", "t.yaml:2:22: path.radius: must be above 0 m, got '-1 m'"),
         ("path: {kind: circle}", "t.yaml:2:1: path.radius: is required"),
-        ("path: {kind: square}", "t.yaml:2:1: path: "),
+        ("path: {kind: square}", "t.yaml:2:8: path.kind: must be one of 'circle', 'line', got 'square'"),
         ("{range: 0.5 m, bin_count: 2000}", "t.yaml:1:1: bins must be 1 mm at least, got 0.25 mm"),
     ],
 )
