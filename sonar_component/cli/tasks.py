@@ -49,7 +49,8 @@ def inspect(
     counters = found["counters"]
     print(f"  cycles {counters['cycles']}, overruns {counters['overruns']}, longest {counters['longest'] * 1e3:.1f} ms")
     for name, item in found["properties"].items():
-        print(f"  property  {name} = {item['value']}{'  (dynamic)' if item['dynamic'] else ''}  {item['doc']}")
+        value = item.get("written", item["value"])
+        print(f"  property  {name} = {value}{'  (dynamic)' if item['dynamic'] else ''}  {item['doc']}")
     for name, signature in found["operations"].items():
         print(f"  operation {name}{signature}")
     for name, port in found["outputs"].items():

@@ -19,6 +19,7 @@ from sonar_component.middleware.transport.control import ControlServer
 from sonar_component.middleware.transport.transport import Transport
 from sonar_component.settings.errors import suggest
 from sonar_component.settings.meaning import meaning
+from sonar_component.settings.written import written
 
 Request = dict[str, Any]
 
@@ -144,12 +145,13 @@ def state_of(task: Task) -> dict[str, Any]:
 
 
 def properties_of(task: Task) -> dict[str, dict[str, Any]]:
-    """Name -> value, whether it is dynamic, and what it means."""
+    """Name -> value, the same as people write it, whether it is dynamic, and what it means."""
     values = task.properties.model_dump(mode="json") if task.properties is not None else task.given
     editable = task.lifecycle.state is State.PRE_OPERATIONAL
     return {
         name: {
             "value": values.get(name),
+            "written": written(type(task).Properties, name, values.get(name)),
             "dynamic": name in task.dynamic,
             "settable": editable or name in task.dynamic,
             "doc": meaning(type(task).Properties, name),

@@ -60,7 +60,7 @@ class Graph:
             proxy = self._proxy(task, record)
             try:
                 proxy.set(name, value)
-                return _plain(proxy.get(name))
+                return _written(proxy.get()[name])
             except (RuntimeError, TimeoutError) as error:
                 raise ValueError(str(error)) from None
 
@@ -113,15 +113,16 @@ class Graph:
 
 def _entry(name: str, kind: str, state: dict[str, Any], properties: dict[str, dict[str, Any]]) -> dict[str, Any]:
     listed = [
-        {"name": key, "value": _plain(p["value"]), "settable": p["settable"], "description": p["doc"]}
+        {"name": key, "value": _written(p), "settable": p["settable"], "description": p["doc"]}
         for key, p in properties.items()
     ]
     told = {key: state[key] for key in ("state", "substate", "reason")}
     return {"name": name, "type": kind, **told, "properties": listed}
 
 
-def _plain(value: Any) -> Any:
-    """What JSON can hold; NaN and infinities become text."""
+def _written(told: dict[str, Any]) -> Any:
+    """A property's value with the unit that people use; NaN and infinities, which JSON cannot hold, as text."""
+    value = told.get("written", told["value"])
     try:
         json.dumps(value, allow_nan=False)
     except (ValueError, TypeError):

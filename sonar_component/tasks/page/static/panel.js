@@ -13,7 +13,7 @@ const MARKUP = `
     <select class="map" title="colour map"></select>
     <select class="law" title="scale"><option value="db">dB</option><option value="linear">linear</option></select>
     <label>gain <input class="gain" type="range" min="-20" max="20" step="1" value="0"><output></output></label>
-    <label>range <input class="dynamic" type="range" min="10" max="80" step="5" value="40"><output></output></label>
+    <label title="echoes so far below the strongest are black">dynamic range <input class="dynamic" type="range" min="10" max="80" step="5" value="40"><output></output></label>
     <label title="brightness follows the strongest echoes"><input class="auto" type="checkbox" checked>auto</label>
     <button class="pause">pause</button><button class="step">step</button>
     <button class="png">save PNG</button><button class="raw">save raw</button>
