@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sonar_component.cli.benchmarks.scenes import Case, comparison, rolling
-from sonar_component.cli.benchmarks.tables import RANGE, sigmoid
+from sonar_component.cli.benchmarks.scenes import Case, comparison, grazing, rolling
+from sonar_component.cli.benchmarks.tables import sigmoid
 from sonar_component.gl import Context, create_context
 from sonar_component.sonars.baselines import PointSampler, one_range_per_sample, paper_perspective
 from sonar_component.sonars.forward_looking import ForwardLookingSonar
@@ -27,12 +27,12 @@ _MOST_SECONDS = 2.0  # [s], of frames per point
 def run(frames: int, say: Callable[[str], None], tick: Callable[[], None]) -> Any:
     """Points of each way on each scene, and how many times faster ours is at an energy error of TARGET."""
     context = create_context()
-    settings = ForwardLookingSettings(range=RANGE, bin_count=500)
     results = []
-    for case in (comparison(), rolling()):
+    for case in (comparison(), grazing(), rolling()):
+        settings = ForwardLookingSettings(range=case.range, bin_count=500)
         beams = settings.beam_table()
         reference = converged(
-            case.world, case.pose.transform(), beams, RANGE, settings.bin_count, sigmoid,
+            case.world, case.pose.transform(), beams, case.range, settings.bin_count, sigmoid,
             lambda line: say(f"reference of {case.name}: {line}"),  # noqa: B023 (called at once)
         )  # fmt: skip
         ways: dict[str, list[dict[str, Any]]] = {

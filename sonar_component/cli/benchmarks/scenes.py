@@ -15,11 +15,12 @@ _PLAIN = Material("plain")
 
 @dataclass(frozen=True)
 class Case:
-    """A world and where the sonar is in it."""
+    """A world, where the sonar is in it, and how far it hears [m]."""
 
     name: str
     world: World
     pose: RigidBodyState
+    range: float = 30.0
 
 
 def comparison() -> Case:
@@ -35,6 +36,14 @@ def comparison() -> Case:
 def rolling() -> Case:
     """A rolling sea floor of 8192 triangles whose crests throw many shadows."""
     return Case("rolling", World([_body("floor", terrain(64, 80.0), (0, 0, 0))]), looking(0, 0, 4, pitch=15))
+
+
+def grazing() -> Case:
+    """A level sonar 5 m above a flat floor with four balls, out to 50 m: a row of samples spans many bins there."""
+    bodies = [_body("floor", shapes.plane((400.0, 400.0)), (0, 0, 0))]
+    for k, (x, y) in enumerate(((31.0, -14.0), (34.0, 6.0), (40.0, -4.0), (44.0, 15.0))):
+        bodies.append(_body(f"ball {k}", shapes.sphere(1.5), (x, y, 1.5)))
+    return Case("grazing", World(bodies), looking(0, 0, 5), range=50.0)
 
 
 def tank() -> Case:
