@@ -6,6 +6,7 @@ Editors run it at every save, so it must be there in a moment: `check_quickly` d
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Iterable, Sequence
@@ -25,7 +26,7 @@ def check_quickly(arguments: Sequence[str]) -> int | None:
 
 
 def check_files(files: Iterable[str | Path], as_json: bool = False) -> int:
-    """Print what each deployment comes to, and every mistake to stderr; the exit code."""
+    """Print what each deployment, sonar or scene comes to, and every mistake to stderr; the exit code."""
     from sonar_component.middleware.deployment import check_deployment
     from sonar_component.settings.errors import SettingsError
     from sonar_component.settings.paths import find_file
@@ -33,7 +34,13 @@ def check_files(files: Iterable[str | Path], as_json: bool = False) -> int:
     wrong = False
     for file in files:
         try:
-            plan = check_deployment(find_file(file))
+            path = find_file(file)
+            try:
+                plan = check_deployment(path)
+            except SettingsError:
+                if not _is_named(file, path, as_json):
+                    raise
+                continue
         except SettingsError as error:
             print(error, file=sys.stderr)
             wrong = True
@@ -45,3 +52,17 @@ def check_files(files: Iterable[str | Path], as_json: bool = False) -> int:
             tasks, lines = len(plan.tasks), len(plan.connections)
             print(f"{file}: good: {tasks} tasks in {len(processes)} processes, {lines} connections")
     return 2 if wrong else 0
+
+
+def _is_named(file: str | Path, path: Path, as_json: bool) -> bool:
+    """Whether a file that is no deployment is a good sonar or scene, which deployments name; says what it comes to."""
+    from sonar_component.cli.check_settings import check_named
+
+    found = check_named(path)
+    if found is None:
+        return False
+    words, data, warnings = found
+    print(json.dumps({"file": str(file), **data, "warnings": warnings}) if as_json else f"{file}: good: {words}")
+    for line in warnings:
+        print(f"{file}: warning: {line}", file=sys.stderr)
+    return True

@@ -145,6 +145,8 @@ def view(
     from sonar_component.middleware.survey import survey
 
     tasks = survey(Reach(instance))
+    if instance is not None and not tasks:
+        raise SettingsError(f"no instance {instance!r} is running; see: sonar list")
     viewers = [task for task in tasks if task["type"] == "ViewerTask"]
     if not viewers:
         runs = "no viewer runs" if tasks else "nothing runs"

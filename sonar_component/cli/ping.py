@@ -56,7 +56,7 @@ def ping(
 
     _check_out(out, truth)
     pose = _pose(position, rpy_deg, quaternion)
-    chosen = _load_settings(sonar, settings)
+    chosen = load_settings(sonar, settings)
     _check_head(chosen, bearing_deg, scan, truth)
     if noise is not None:
         chosen.enable_speckle_noise = noise == "on"
@@ -167,7 +167,8 @@ def _pose(position: tuple[float, ...], rpy_deg: Any, quaternion: Any) -> RigidBo
     return pose
 
 
-def _load_settings(sonar: Path | None, overrides: list[str]) -> Settings:
+def load_settings(sonar: Path | None, overrides: list[str]) -> Settings:
+    """The settings of a sonar's YAML with NAME=VALUE laid over; of the standard sonar without a file."""
     from sonar_component.settings.loader import Document, load_yaml, overlay
     from sonar_component.settings.paths import find_file
     from sonar_component.settings.validation import validate

@@ -40,10 +40,10 @@ def run(
 
 
 def check(
-    files: list[Path] = typer.Argument(..., help="Deployment YAML files."),
-    as_json: bool = typer.Option(False, "--json", help="Print what each deployment comes to."),
+    files: list[Path] = typer.Argument(..., help="Deployment YAML files; also sonars and scenes."),
+    as_json: bool = typer.Option(False, "--json", help="Print what each of them comes to."),
 ) -> None:
-    """Find every mistake of deployments without starting anything."""
+    """Find every mistake of deployments, sonars and scenes without starting anything."""
     code = check_files(files, as_json)
     if code:
         raise typer.Exit(code)

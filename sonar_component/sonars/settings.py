@@ -156,8 +156,10 @@ class SonarSettings(BaseModel):
 
     def doubts(self) -> list[str]:
         """What no source confirms, in words."""
-        names = ", ".join(self.unverified)
-        return [f"no source confirms the values of: {names}"] if names else []
+        if not self.unverified:
+            return []
+        are = "are our estimates" if len(self.unverified) > 1 else "is our estimate"
+        return [f"{', '.join(self.unverified)} {are}: no source states the device's own"]
 
     @property
     def sigmoid(self) -> tuple[float, float] | None:

@@ -92,7 +92,7 @@ class SonarTask(Task):
         p = self.properties
         self._replica, self._mount = Replica(), None
         for line in p.doubts():
-            self.log.warning("%s", line)
+            self.log.info("%s", line)  # for whoever asks: as a warning it frightened people who had set nothing
         try:
             if isinstance(p.mount, str):
                 self._mount = Mount(find_mount(p.vehicle, p.mount, self.beside), p.frame)

@@ -101,6 +101,8 @@ def test_without_a_viewer_view_says_what_is_missing(graph):
     done = graph.sonar("view")
     assert done.returncode == 1
     assert "ViewerTask" in done.stderr
+    elsewhere = graph.sonar("view", "--instance", "nowhere")
+    assert (elsewhere.returncode, elsewhere.stderr) == (2, "no instance 'nowhere' is running; see: sonar list\n")
 
 
 def test_echo_draws_the_image_in_plain_characters_into_a_pipe(graph):

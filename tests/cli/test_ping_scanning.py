@@ -49,7 +49,7 @@ def test_one_ping_looks_where_it_is_told_and_says_what_no_source_confirms(ping: 
     code, out, err = ping("--bearing-deg", 90, "--out", tmp_path / "one.npz")
     assert code == 0
     assert "1 beams x 100 bins" in out
-    assert "no source confirms the values of: motor_step" in err
+    assert "motor_step is our estimate: no source states the device's own" in err
     with np.load(tmp_path / "one.npz") as file:
         assert file["bins"].shape == (1, 100)
         assert math.degrees(file["bearings"][0]) == pytest.approx(90)

@@ -64,7 +64,7 @@ def test_it_says_how_to_try_it_what_is_seen_and_where_its_numbers_come_from(file
 
 def test_doubts_name_what_no_source_confirms() -> None:
     [line] = settings_of(FOLDER / "ping360.yaml").doubts()
-    assert line == "no source confirms the values of: head_speed"
+    assert line == "head_speed is our estimate: no source states the device's own"
     assert settings_of(FOLDER / "oculus_m1200d_2100khz.yaml").doubts() == []
 
 
