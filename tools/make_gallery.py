@@ -1,11 +1,15 @@
-"""Make the pictures of deploy/README.md: run each experiment, take a snapshot, keep the file small.
+"""Make the pictures of deploy: run each experiment, take a snapshot, keep the file small.
 
 .venv/bin/python tools/make_gallery.py [NAME ...]        writes deploy/NAME.png
+
+The picture "demo" is made by the command that stands beside it in the README.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -15,7 +19,8 @@ from pathlib import Path
 
 from PIL import Image
 
-DEPLOY = Path(__file__).resolve().parent.parent / "deploy"
+ROOT = Path(__file__).resolve().parent.parent
+DEPLOY = ROOT / "deploy"
 PORTS = {
     "fls_target": "fls.sonar_samples",
     "fls_isolation_valve": "fls.sonar_samples",
@@ -25,6 +30,7 @@ PORTS = {
     "msis_slope": "msis_back.sonar_samples",
 }
 COLOURS, WIDTH = 160, 720  # [-], [pixels]: 40 to 90 kB a picture
+DEMO_WIDTH = 900  # [pixels], as it is drawn: the first thing that people see of this project
 PATIENCE = 60  # [s], for a busy machine to compile and load
 
 
@@ -47,13 +53,32 @@ def make(name: str, folder: Path) -> None:
     finally:
         run.send_signal(signal.SIGINT)
         run.wait(PATIENCE)
+    keep(picture, WIDTH)
+
+
+def make_demo(folder: Path) -> None:
+    """The ping whose command the README shows."""
+    found = re.search(r"Made by `sonar (ping .*?)`", " ".join((ROOT / "README.md").read_text().split()))
+    if found is None:
+        raise SystemExit("README.md names no command that makes deploy/demo.png")
+    arguments = shlex.split(found[1])
+    arguments[arguments.index("--out") + 1] = str(folder / "demo.png")
+    subprocess.run(sonar(*arguments), cwd=ROOT, check=True)
+    keep(folder / "demo.png", DEMO_WIDTH)
+
+
+def keep(picture: Path, width: int) -> None:
+    """A small copy in deploy: few colours, and no wider than it is shown."""
     image = Image.open(picture).convert("RGB")
-    image.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(DEPLOY / f"{name}.png", optimize=True)
-    print(f"deploy/{name}.png: {(DEPLOY / f'{name}.png').stat().st_size // 1024} kB")
+    image.thumbnail((width, width), Image.Resampling.LANCZOS)
+    image.quantize(COLOURS, dither=Image.Dither.NONE).save(DEPLOY / picture.name, optimize=True)
+    print(f"deploy/{picture.name}: {(DEPLOY / picture.name).stat().st_size // 1024} kB")
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
-        for chosen in sys.argv[1:] or PORTS:
-            make(chosen, Path(scratch))
+        for chosen in sys.argv[1:] or ("demo", *PORTS):
+            if chosen == "demo":
+                make_demo(Path(scratch))
+            else:
+                make(chosen, Path(scratch))

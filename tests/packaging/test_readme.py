@@ -100,7 +100,7 @@ def test_the_picture_is_made_by_the_command_beside_it(context: Any, tmp_path: Pa
     arguments = [part.replace("deploy/demo.png", "demo.png") for part in shlex.split(command[1])[1:]]
     subprocess.run([*SONAR, *arguments], cwd=tmp_path, capture_output=True, timeout=120, check=True)
     assert (tmp_path / "demo.png").stat().st_size > 0
-    assert (ROOT / "deploy" / "demo.png").stat().st_size < 300_000  # pictures in the tree are small
+    assert (ROOT / "deploy" / "demo.png").stat().st_size < 100_000  # pictures in the tree are small
 
 
 @pytest.mark.parametrize(
