@@ -323,11 +323,14 @@ def test_a_scanning_sonars_turn_fills_and_is_overwritten(bench, browser):
     browser.wait_for_image(last, "msis.sonar_samples")
     # A quarter of the turn was seen, and half a beam of 3 deg before its start.
     assert share(NO_DATA) == pytest.approx(0.75, abs=0.02)
+    key = "[data-source='msis.sonar_samples'] .gaps"
+    assert browser.text(key) == "no data"  # what that colour means
     for i in range(100, 400):
         last = beam(i * 0.9, 0.01)
         bench.show(last, "msis")
     browser.wait_for_image(last, "msis.sonar_samples")
     assert share(NO_DATA) == 0
+    assert browser.run("return document.querySelector(arguments[0]).hidden", key)
     browser.run("document.querySelector('.auto').click()")  # holds the brightness, so that colours can be compared
     before = browser.canvas("msis.sonar_samples")
     for i in range(50):
@@ -516,12 +519,19 @@ def test_a_whole_graph_is_steered_from_the_page(graph, browser):
     assert graph.json("inspect", "fls")["properties"]["range"]["value"] == 12.0
     browser.shoot("graph_12_m")
 
+    assert (_shown(browser, "fls", "range"), _shown(browser, "fls", "beam_width")) == ("12 m", "120 deg")
     _set(browser, "fls", "range", "5000 m")
     browser.wait_for_text("refused", "[data-task='fls']")
     assert "range" in browser.text("[data-task='fls']")
     browser.shoot("refused")
 
     pid = next(task["pid"] for task in graph.json("list")["tasks"] if task["task"] == "fls")
+    os.kill(pid, signal.SIGSTOP)  # as one that is busy for a while
+    _set(browser, "fls", "range", "15 m")
+    browser.wait_for_text("no answer", "[data-task='fls']")
+    os.kill(pid, signal.SIGCONT)
+    browser.wait_for_text("15 m", f"[data-source='{SOURCE}'] h2")
+
     os.kill(pid, signal.SIGKILL)
     browser.wait_for(
         "return /process has ended|restarted 1 time/.test(document.querySelector(\"[data-task='fls']\").innerText)"
@@ -535,6 +545,10 @@ def _page(graph):
     import json
 
     return json.loads(done.stdout)["page"] if done.returncode == 0 else None
+
+
+def _shown(browser, task, name):
+    return browser.run(f"return document.querySelector(\"[data-task='{task}'] input[name='{name}']\").value")
 
 
 def _set(browser, task, name, value):

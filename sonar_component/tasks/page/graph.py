@@ -52,6 +52,8 @@ class Graph:
         ------
         ValueError
             If the task is not there or refuses; the text is its reason.
+        TimeoutError
+            If it does not answer in time; it may set it yet.
         """
         with self._lock:
             record = self._records().get(task)
@@ -61,7 +63,7 @@ class Graph:
             try:
                 proxy.set(name, value)
                 return _written(proxy.get()[name])
-            except (RuntimeError, TimeoutError) as error:
+            except RuntimeError as error:
                 raise ValueError(str(error)) from None
 
     def close(self) -> None:

@@ -34,7 +34,10 @@ class Control(Protocol):
         """Every task: name, type, state, substate, reason, properties with value, and which of them can change now."""
 
     def set(self, task: str, name: str, value: Any) -> Any:
-        """Set a property and return its new value; ValueError with the reason if it is refused."""
+        """Set a property and return its new value; ValueError with the reason if it is refused.
+
+        TimeoutError if the task does not answer in time; it may set it yet.
+        """
 
     def close(self) -> None:
         """Give back what asking took."""
@@ -195,6 +198,9 @@ class Session:
         try:
             reply["value"] = await self._backstage.work(self._backstage.control.set, task, name, value)
             log.info("%s.%s set to %r from the page", task, name, value)
+        except TimeoutError as error:
+            reply["unanswered"] = f"{error}: the task is busy, and sets it when it has time"
+            log.warning("%s.%s = %r from the page: %s", task, name, value, error)
         except (ValueError, OSError) as error:
             reply["refused"] = str(error)
             log.warning("%s.%s not set to %r from the page: %s", task, name, value, error)

@@ -19,6 +19,7 @@ export class Image {
     if (message.beams !== this.beams || message.bins !== this.bins || message.restarts !== this.restarts) {
       this.values = new Float32Array(message.beams * message.bins).fill(NaN);
       this.colours = new Uint32Array(message.beams * message.bins);
+      this.gaps = new Uint8Array(message.beams); // which rows have bins without data
       this.stale = true; // colours of all rows must be made anew
       this.fresh = []; // rows of another shape
     }
@@ -34,6 +35,10 @@ export class Image {
     const changed = geometry !== this.geometry;
     this.geometry = geometry;
     return changed;
+  }
+
+  get hasGaps() {
+    return this.gaps.includes(1);
   }
 
   get reach() {
@@ -69,16 +74,18 @@ export class Image {
   colour(tone, palette, noData, all) {
     const { values, colours, bins } = this;
     const scale = 255 / tone.ceiling, perLog = tone.range > 0 ? (255 * 10) / tone.range : 0, inverse = 1 / tone.ceiling;
-    const paint = (from, to) => {
-      for (let i = from; i < to; i++) {
+    const paint = (row) => {
+      let gaps = 0;
+      for (let i = row * bins; i < (row + 1) * bins; i++) {
         const v = values[i];
-        if (v !== v) { colours[i] = noData; continue; }
+        if (v !== v) { colours[i] = noData; gaps = 1; continue; }
         const level = perLog ? 255 + perLog * Math.log10(v * inverse) : v * scale;
         colours[i] = palette[level >= 255 ? 255 : level > 0 ? (level + 0.5) | 0 : 0];
       }
+      this.gaps[row] = gaps;
     };
-    if (all || this.stale) paint(0, values.length);
-    else for (const rows of this.fresh) for (const row of rows) paint(row * bins, (row + 1) * bins);
+    if (all || this.stale) for (let row = 0; row < this.beams; row++) paint(row);
+    else for (const rows of this.fresh) for (const row of rows) paint(row);
     this.stale = false;
     this.fresh = [];
   }

@@ -13,14 +13,14 @@ const MARKUP = `
     <select class="map" title="colour map"></select>
     <select class="law" title="scale"><option value="db">dB</option><option value="linear">linear</option></select>
     <label>gain <input class="gain" type="range" min="-20" max="20" step="1" value="0"><output></output></label>
-    <label title="echoes so far below the strongest are black">dynamic range <input class="dynamic" type="range" min="10" max="80" step="5" value="40"><output></output></label>
+    <label title="echoes so far below the strongest are black">dyn. range <input class="dynamic" type="range" min="10" max="80" step="5" value="40"><output></output></label>
     <label title="brightness follows the strongest echoes"><input class="auto" type="checkbox" checked>auto</label>
     <button class="pause">pause</button><button class="step">step</button>
     <button class="png">save PNG</button><button class="raw">save raw</button>
     <button class="settings" title="range, gain, bins, noise and whatever else this sonar's task can be told">settings</button>
   </div>
   <div class="stage"><canvas class="under"></canvas><canvas class="over"></canvas></div>
-  <div class="scale"><span class="low"></span><canvas width="256" height="1"></canvas><span class="high"></span></div>
+  <div class="scale"><span class="low"></span><canvas width="256" height="1"></canvas><span class="high"></span><span class="gaps" hidden>no data</span></div>
   <div class="cursor facts">&nbsp;</div>
   <div class="notice bad"></div>`;
 
@@ -38,6 +38,8 @@ export class Panel {
     this.stage = find(".stage");
     this.cursor = find(".cursor");
     this.notice = find(".notice");
+    this.gaps = find(".gaps");
+    this.gaps.style.borderColor = `#${[0, 8, 16].map((shift) => ((colours.noData >> shift) & 255).toString(16).padStart(2, "0")).join("")}`;
     this.controls = Object.fromEntries(
       ["view", "map", "law", "gain", "dynamic", "auto", "pause", "step", "png", "raw", "settings"].map((n) => [n, find("." + n)]));
     for (const name of Object.keys(colours.maps)) this.controls.map.add(new Option(name, name));
@@ -155,6 +157,7 @@ export class Panel {
     this.context.putImageData(this.picture, this.margin[0], this.margin[1]);
     if (anew || this.image.turning) this.drawOver();
     if (anew) this.drawScale();
+    this.gaps.hidden = !this.image.hasGaps;
     this.read();
     this.node.dataset.time = this.image.time;
     this.node.dataset.drawn = (Number(this.node.dataset.drawn) || 0) + 1;

@@ -70,9 +70,10 @@ export class Tasks {
     const field = this.rows.get(message.task)?.fields.get(message.name);
     if (!field) return;
     field.waiting = false;
-    field.refused.hidden = !message.refused;
-    field.refused.textContent = message.refused ? `refused: ${message.refused}` : "";
-    if (!message.refused) { field.input.blur(); write(field.input, message.value); }
+    const said = message.refused ? `refused: ${message.refused}` : message.unanswered ?? "";
+    field.refused.hidden = !said;
+    field.refused.textContent = said;
+    if (!said) { field.input.blur(); write(field.input, message.value); }
   }
 }
 
