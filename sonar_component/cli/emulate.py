@@ -173,7 +173,7 @@ def _wait(station: Station, stop: threading.Event, seconds: float | None) -> Non
 def _report(station: Station, as_json: bool) -> None:
     t = station.timing()
     share = f"{t.late} of {t.pings} more than 1 ms late, 99 % at most {1e3 * t.lateness_p99:.2f} ms"
-    _say(f"{t.pings} pings: {share}", {"timing": vars(t)}, as_json)
+    _say(f"{t.pings} pings: {share}" if t.pings else "no client asked for a ping", {"timing": vars(t)}, as_json)
 
 
 def _say(text: str, data: dict[str, Any], as_json: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationInfo
@@ -17,10 +18,13 @@ from sonar_component.samples.scene_description import MOST_BYTES, BodyPoses, Sce
 NO_SCENE = "NO_SCENE"
 NO_POSE = "NO_POSE"
 
+_TAKEN = (errno.EADDRINUSE, errno.EEXIST, errno.EBUSY)  # somebody else has it
+
 
 def _address(text: str, info: ValidationInfo) -> str:
     if text and not is_local(text) and not info.data.get("allow_remote"):
-        raise ValueError(f"must be at 127.0.0.1, or allow_remote must be true as well, got {text!r}")
+        allowed = "at 127.0.0.1, or allow_remote must be true as well (sonar emulate: --allow-remote)"
+        raise ValueError(f"must be {allowed}, got {text!r}")
     return text
 
 
@@ -134,4 +138,5 @@ def opened(name: str, make: Any, address: Any) -> Any:
     try:
         return make(address)
     except OSError as error:
-        raise OSError(f"{name}: {address}: {error.strerror or error}; free it or choose another") from None
+        todo = "free it or choose another" if error.errno in _TAKEN else "choose another"
+        raise OSError(f"{name}: {address}: {error.strerror or error}; {todo}") from None
