@@ -253,7 +253,16 @@ def test_a_picture_is_saved_as_a_figure(bench):
 
 
 @pytest.mark.parametrize(
-    "request_", [{"what": "exe"}, {"what": "png"}, {"what": "png", "ceiling": -1, "dynamic_range": 0}, {}]
+    "request_",
+    [
+        {},
+        {"what": "exe"},
+        {"what": "png"},
+        {"what": "png", "ceiling": -1, "dynamic_range": 0},
+        {"what": "png", "ceiling": math.inf, "dynamic_range": 40},
+        {"what": "png", "ceiling": 1, "dynamic_range": math.nan},
+        {"what": "png", "ceiling": 1, "dynamic_range": 40, "colour_map": {"copper": 1}},
+    ],
 )
 def test_what_cannot_be_saved_is_said(bench, request_):
     page = bench.open()
@@ -264,7 +273,7 @@ def test_what_cannot_be_saved_is_said(bench, request_):
 
 
 @pytest.mark.parametrize(
-    "nonsense", ["", "[]", "{}", '{"kind": 7}', "null", '{"kind": "pause", "source": "nobody"}', "\x00"]
+    "nonsense", ["", "[]", "{}", '{"kind": 7}', "null", '{"kind": "pause", "source": "nobody"}', "\x00", "[" * 5000]
 )
 def test_nonsense_from_a_page_is_passed_over(bench, nonsense):
     page = bench.open()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from typing import Any
 
 import numpy as np
@@ -38,15 +39,16 @@ def saved_file(request: dict[str, Any], sonar: Sonar) -> tuple[str, bytes]:
         return f"{name}.npz", raw_file(sonar)
     if request.get("what") != "png":
         raise ValueError(f"only png and raw can be saved, not {request.get('what')!r}")
-    colour_map, view = request.get("colour_map", "copper"), request.get("view", "fan")
+    colour_map, view = str(request.get("colour_map", "copper")), request.get("view", "fan")
     if colour_map not in COLOUR_MAPS:
         raise ValueError(f"colour map must be one of {', '.join(COLOUR_MAPS)}, got {colour_map!r}")
     try:
         tone = Tone(float(request["ceiling"]), float(np.clip(float(request["dynamic_range"]), 0.0, _MAX_DYNAMIC_RANGE)))
     except (KeyError, TypeError, ValueError):
         raise ValueError("a picture needs numbers for ceiling and dynamic_range") from None
-    if not tone.ceiling > 0:
-        raise ValueError(f"ceiling must be above 0, got {tone.ceiling}")
+    if not 0 < tone.ceiling < math.inf or math.isnan(tone.dynamic_range):
+        got = f"{tone.ceiling} and {tone.dynamic_range}"
+        raise ValueError(f"ceiling must be above 0 and finite, dynamic_range a number, got {got}")
     written = io.BytesIO()
     kind: Kind = "polar" if view == "polar" else "fan"
     save_png(sonar, written, kind, colour_map, tone, name=str(request.get("source", "")))

@@ -24,6 +24,7 @@ from sonar_component.tasks.page.board import Board, Channel
 from sonar_component.tasks.page.stream import pack, pack_camera, pack_image
 
 _IN_FLIGHT = 2  # [-] images: one being drawn, one on the way
+_LOGGED = 200  # [-] characters of what a page sent: a line of a log is no place for 64 kB
 _CAMERA = ""  # stands for the camera among the names of sonars
 
 
@@ -159,7 +160,7 @@ class Session:
         try:
             request = json.loads(message)
             kind, source = request["kind"], str(request.get("source", ""))
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):  # the last: lists 5000 deep
             return
         if kind == "drawn":
             await self._drawn(source)
@@ -195,15 +196,16 @@ class Session:
 
     async def _set(self, task: str, name: str, value: Any) -> None:
         log, reply = self._backstage.log, {"kind": "set", "task": task, "name": name}
+        what = f"{task}.{name} = {value!r}"[:_LOGGED]
         try:
             reply["value"] = await self._backstage.work(self._backstage.control.set, task, name, value)
-            log.info("%s.%s set to %r from the page", task, name, value)
+            log.info("set from the page: %s", what)
         except TimeoutError as error:
             reply["unanswered"] = f"{error}: the task is busy, and sets it when it has time"
-            log.warning("%s.%s = %r from the page: %s", task, name, value, error)
-        except (ValueError, OSError) as error:
+            log.warning("no answer to what the page sets: %s: %s", what, error)
+        except (ValueError, OSError, OverflowError) as error:  # the last: a whole number that fits no message
             reply["refused"] = str(error)
-            log.warning("%s.%s not set to %r from the page: %s", task, name, value, error)
+            log.warning("not set from the page: %s: %s", what, str(error)[:_LOGGED])
         await self._say(reply)
 
     async def _save(self, request: dict[str, Any], source: str) -> None:
