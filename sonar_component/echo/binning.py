@@ -1,8 +1,8 @@
 """Samples to beams x bins on the CPU: each footprint is spread over the bins that it covers.
 
 Over a plane the inverse u of the range is linear in direction. So a cell whose surface has the range r in its middle
-and a relative span s holds the inverses (1 -+ s/2) / r, footprints of one floor abut however long they are, and each bin
-is given the cell's solid angle times its part of the span in u: the dr/r^2 of a floor seen at a grazing angle. The
+and a relative span s holds the inverses (1 -+ s/2) / r, footprints of one floor abut however long they are, and each
+bin is given the cell's solid angle times its part of the span in u: the dr/r^2 of a floor seen at a grazing angle. The
 cosine of incidence is proportional to u there too, so an echo strength that is linear in it falls along the span.
 
 Short spans are added bin by bin; long ones as two steps that a running sum in float64 turns into their inner bins. What

@@ -154,7 +154,7 @@ bodies:
         ("{sphere: {radius: 1}, pose: {rpy: [0, 0, 0], quaternion: [1, 0, 0, 0]}}", "give rpy or quaternion, got both"),
         ("{sphere: {radius: 1}, pose: {quaternion: [1, 1, 0, 0]}}", "quaternion (w, x, y, z) must have length 1"),
         ("{sphere: {radius: 1}, material: {reflectance: 0}}", "must be greater than 0"),
-        ("{plane: {normal: [0, 0, 0]}}", "normal must have a direction"),
+        ("{plane: {normal: [0, 0, 0]}}", "bodies.a.plane.normal: must have a direction"),
     ],
 )
 def test_a_wrong_body_is_told_with_what_is_allowed(brick: Path, body: str, told: str) -> None:

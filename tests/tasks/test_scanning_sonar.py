@@ -167,7 +167,7 @@ def test_a_property_may_change_while_it_turns_and_a_wrong_one_is_refused(bench: 
     b.feed(pose(0.0))
     b.task.set_property("range", "5 m")
     assert b.feed(pose(0.05))[0].bin_length == pytest.approx(0.05)
-    with pytest.raises(ValueError, match="motor_step must be"):
+    with pytest.raises(ValueError, match="motor_step: must be"):
         b.task.set_property("motor_step", "0 deg")
     with pytest.raises(ValueError, match="cannot change while the task is configured"):
         b.task.set_property("mount", {"position": [1, 0, 0]})
