@@ -28,9 +28,9 @@ from sonar_component.sonars.settings import SonarSettings
 Pose = NDArray[np.float64]  # (4, 4) [m]
 
 _PLANNED_FOR = ("range", "min_range", "bin_count", "accuracy", "enable_attenuation", "attenuation_properties")
-# Until a plan is checked against the scene as it is seen then: the sooner the coarser it is, since the less it may see
-# of what has come into view, and the less looking costs.
-_IMAGES_PER_SAMPLE, _SOONEST, _LATEST = 1e-3, 32, 512
+# [images], until a plan is checked against the scene as it is seen then: the sooner the less an image costs, since a
+# look takes several and would be felt as a stall where they are dear; and coarse plans, which see least, are cheap.
+_IMAGES_PER_NS, _SOONEST, _LATEST = 3e-5, 32, 1024
 _MOVED, _TURNED = 0.05, np.radians(5.0)  # [-] of the range, [rad], since the last look: below that nothing is new
 _TRIANGLE, _SAMPLE = 120.0, 15.0  # [ns] of processor time on llvmpipe; to a card neither is dear
 _SATURATED = 0.5  # [-], share of the bins at full scale from which an image says nothing
@@ -124,7 +124,8 @@ class FanImager:
         poses = self._plan_poses(X_WS)
         if in_use is None:
             self._renderer.geometry.update(world)
-            self._wide = self._cost(poses[0], wide=True) < self._cost(poses[0], wide=False)
+            start = min(START, highest_level(self.beams))
+            self._wide = self._cost(poses[0], True, start) < self._cost(poses[0], False, start)
         self._level, self.estimated_error = choose_level(
             lambda level: np.concatenate([self._image(world, X, self._table(level), mean=False) for X in poses]),
             self._settings.accuracy,
@@ -133,8 +134,7 @@ class FanImager:
         )
         if self.estimated_error == 0.0:  # nothing was seen, which is no reason to look less closely
             self._level = min(START, highest_level(self.beams))
-        layout = self._table(self._level).layout
-        patience = np.clip(_IMAGES_PER_SAMPLE * layout.columns * layout.rows, _SOONEST, _LATEST)
+        patience = np.clip(_IMAGES_PER_NS * self._cost(poses[0], self._wide, self._level), _SOONEST, _LATEST)
         self._due = int(patience) * len(poses)
 
     def _elsewhere(self, world: World, X_WS: Pose) -> bool:
@@ -144,9 +144,9 @@ class FanImager:
         turned = (float((X_WS[:3, :3] * X_before[:3, :3]).sum()) - 1) / 2  # cosine of the angle
         return away > _MOVED * self._settings.range or turned < np.cos(_TURNED) or world.pose_version != bodies
 
-    def _cost(self, X_WS: Pose, wide: bool) -> float:
+    def _cost(self, X_WS: Pose, wide: bool, level: int) -> float:
         """Rough cost of an image in wide or narrow views [ns]."""
-        layout = self._table(min(START, highest_level(self.beams)), wide).layout
+        layout = self._table(level, wide).layout
         drawn = self._renderer.triangles(X_WS, layout, self._optics(mean=False))
         return _TRIANGLE * drawn + _SAMPLE * layout.columns * layout.rows
 
