@@ -86,10 +86,9 @@ def find_shells(vertices: Array, faces: NDArray[np.int32]) -> Shells:
     turned[inwards] = faces[inwards, ::-1]
     order = np.argsort(number_of, kind="stable")
     first = np.searchsorted(number_of[order], np.arange(count))
-    corners = vertices[faces[sound[order]]]
+    corners = vertices[turned[sound[order]]]
     least = np.minimum.reduceat(corners.min(axis=1), first)
     greatest = np.maximum.reduceat(corners.max(axis=1), first)
-    corners = vertices[turned[sound[order]]]
     shells = zip(np.split(corners, first[1:]), least, greatest, strict=True)
     crossed = np.array([_crossed(*shell) > _CROSSED for shell in shells])
     number[sound[crossed[number_of]]] = -1
